@@ -1,0 +1,51 @@
+"""What can go wrong in the world outside, as one small tree.
+
+PeakingError
+├── RecordingError      a recording (folder) or one of its files cannot be used
+├── MpiFileError        bytes that are not a sound .mpi file
+├── NothingToAlign      no pixel has both a metric depth and a rendered disparity
+├── OutputError         the place to write to is taken, full or not writable
+├── ToolMissing         a program or extra that was asked for is not installed
+└── BackendUnavailable  a compute backend that was asked for is not installed
+
+Wrong arguments are `ValueError` and `TypeError`, as everywhere in Python. The command line turns a
+`PeakingError` into one line and exit code 2.
+"""
+
+from pathlib import Path
+
+
+class PeakingError(Exception):
+    """Something outside the program is not as it has to be; the message says what to do."""
+
+
+class RecordingError(PeakingError):
+    """A recording cannot be used: names the file, the field in it, and the remedy."""
+
+    def __init__(self, path: Path, problem: str, *, field: str | None = None, remedy: str) -> None:
+        """Make the message `path: field: problem; remedy`."""
+        self.path = path
+        self.field = field
+        self.remedy = remedy
+        where = f"{path}: {field}" if field else f"{path}"
+        super().__init__(f"{where}: {problem}; {remedy}")
+
+
+class MpiFileError(PeakingError):
+    """Bytes that are not a sound `.mpi` file."""
+
+
+class NothingToAlign(PeakingError):
+    """No pixel has both a metric depth and a rendered disparity."""
+
+
+class OutputError(PeakingError):
+    """The place to write to is taken, full or not writable."""
+
+
+class ToolMissing(PeakingError):
+    """A program or an extra that was asked for is not installed."""
+
+
+class BackendUnavailable(PeakingError):
+    """A compute backend that was asked for is not installed."""

@@ -1,0 +1,55 @@
+"""Single-view data: what a tracked phone gives for one picture (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from peaking.geometry import Camera
+
+PAPER_PIXELS = 294 * 639
+"""Pixels of the paper's MPI; other aspects keep this number."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture with its camera and, where the device gave it, metric depth.
+
+    `depth_m` covers the same field of view as `rgb` at any size of the same aspect; 0 = unknown.
+    """
+
+    name: str
+    rgb: UInt8[np.ndarray, "h w 3"]
+    camera: Camera
+    depth_m: Float32[np.ndarray, "dh dw"] | None = None
+    timestamp_s: float | None = None
+
+    def __post_init__(self) -> None:
+        height, width = self.rgb.shape[:2]
+        if (width, height) != self.camera.pinhole.size_px:
+            raise ValueError(
+                f"need a picture of the camera's size {self.camera.pinhole.size_px}, "
+                f"got {width}x{height}"
+            )
+
+    def resized(self, width_px: int, height_px: int) -> Frame:
+        """Return the frame with its picture and camera at another size; depth stays as it is."""
+        if (width_px, height_px) == self.camera.pinhole.size_px:
+            return self
+        shrinks = width_px * height_px < self.rgb.shape[0] * self.rgb.shape[1]
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        rgb = cv2.resize(self.rgb, (width_px, height_px), interpolation=how)
+        return replace(
+            self, rgb=rgb.astype(np.uint8), camera=self.camera.resized(width_px, height_px)
+        )
+
+
+def working_size_px(
+    width_px: int, height_px: int, *, pixels: int = PAPER_PIXELS
+) -> tuple[int, int]:
+    """Return the size of the same aspect with about `pixels` pixels (294×639 gives itself)."""
+    scale = (pixels / (width_px * height_px)) ** 0.5
+    return max(1, round(width_px * scale)), max(1, round(height_px * scale))

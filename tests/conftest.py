@@ -1,0 +1,22 @@
+"""Shapes and types of every annotated function of the package are checked while tests run."""
+
+from typing import Any
+
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+KERNELS = ("_numba", "_kernels")
+"""Modules of compiled functions, which a checker cannot wrap."""
+
+_hook: Any = install_import_hook("peaking", "beartype.beartype").hook
+_in_package = _hook.should_instrument
+
+
+def _should_instrument(name: str) -> bool:
+    return _in_package(name) and not name.endswith(KERNELS)
+
+
+_hook.should_instrument = _should_instrument
+
+settings.register_profile("peaking", deadline=None, report_multiple_bugs=False, derandomize=True)
+settings.load_profile("peaking")
