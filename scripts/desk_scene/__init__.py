@@ -1,0 +1,1 @@
+"""The parts of the sample scene; see `scripts/make_desk_scene.py`."""
