@@ -1,0 +1,261 @@
+"""Recordings as nerfstudio keeps them: transforms.json, pictures, and depth where there is any.
+
+All that can be wrong with a recording is found when it is opened, from transforms.json and the
+headers of the files; pixels are decoded when a frame is read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from peaking.datasets.lens import Lens
+from peaking.datasets.stored_images import (
+    depth_size_px,
+    picture_size_px,
+    read_depth,
+    read_picture,
+)
+from peaking.datasets.transforms_json import (
+    FILE_NAME,
+    Fields,
+    Json,
+    depth_of,
+    frames_of,
+    lens_of,
+    pose_of,
+    read_json,
+    same_aspect,
+)
+from peaking.errors import OutputError, RecordingError
+from peaking.frame import Frame
+from peaking.geometry import Camera
+from peaking.output import complete_or_absent
+
+_SPLITS = ("train_filenames", "val_filenames", "test_filenames")
+
+
+@dataclass(frozen=True)
+class RecordedView:
+    """What transforms.json says about one picture; paths are relative to the recording."""
+
+    name: str
+    picture: Path
+    depth: Path | None
+    depth_unit_m: float
+    lens: Lens
+    camera: Camera
+    timestamp_s: float | None
+    entry: Json
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A folder of posed pictures, in the order they were taken.
+
+    Attributes:
+        root: The folder that holds transforms.json.
+        views: One per picture.
+        top: The fields of transforms.json that are about all frames.
+    """
+
+    root: Path
+    views: tuple[RecordedView, ...]
+    top: Json
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    @cached_property
+    def names(self) -> Sequence[str]:
+        """Unique names that are good as file names: the pictures' own where these are unique."""
+        return tuple(view.name for view in self.views)
+
+    @cached_property
+    def cameras(self) -> Sequence[Camera]:
+        """Full-size cameras, without distortion."""
+        return tuple(view.camera for view in self.views)
+
+    @cached_property
+    def timestamps(self) -> Sequence[float | None]:
+        """Times in seconds, None where the recording has none."""
+        return tuple(view.timestamp_s for view in self.views)
+
+    def read(self, index: int) -> Frame:
+        """Decode one picture and its depth, and take the lens's distortion out of both.
+
+        Raises:
+            IndexError: There is no such view.
+            RecordingError: A file is damaged or cut off, is not what it was when the recording was
+                opened, or holds no known depth.
+        """
+        view = self.views[index]
+        path = self.root / view.picture
+        rgb = read_picture(path)
+        if (rgb.shape[1], rgb.shape[0]) != view.camera.pinhole.size_px:
+            problem = "changed its size after the recording was opened"
+            raise RecordingError(path, problem, remedy="open the recording again")
+        depth_m = None
+        if view.depth is not None:
+            depth_m = read_depth(self.root / view.depth, view.depth_unit_m)
+            depth_m = view.lens.straightened_depth(depth_m)
+        return Frame(
+            name=view.name,
+            rgb=view.lens.straightened(rgb),
+            camera=view.camera,
+            depth_m=depth_m,
+            timestamp_s=view.timestamp_s,
+        )
+
+
+def open_recording(root: Path) -> Recording:
+    """Open a nerfstudio (or instant-ngp, or Blender) data set.
+
+    Poses become OpenCV axes and metres: an `applied_scale` in the file is taken back. Intrinsics
+    are those of the stored pictures, which may be a multiple of `w`, `h`.
+
+    Raises:
+        RecordingError: The first thing that is wrong, with its file, field and remedy.
+    """
+    top = read_json(root)
+    path = root / FILE_NAME
+    scale = Fields(path, top, {}).positive("applied_scale", 1.0)
+    views = [_view(root, fields, scale) for fields in frames_of(path, top)]
+    _refuse_twice(path, views)
+    stems = Counter(view.name for view in views)
+    if max(stems.values()) > 1:
+        views = [replace(view, name=f"{i:05d}_{view.name}") for i, view in enumerate(views)]
+    return Recording(root, tuple(views), {k: v for k, v in top.items() if k != "frames"})
+
+
+def write_recording_subset(recording: Recording, indices: Sequence[int], out: Path) -> Recording:
+    """Write some views of a recording as a data set of its own, and return it opened.
+
+    Pictures, depth maps, masks and the point cloud are copied byte for byte under their own names;
+    all fields are kept, and every frame says as `source_index` which view it was. What was written
+    is read back and compared; `out` appears only when it is complete.
+
+    Raises:
+        ValueError: No indices, one twice, or one that is no view of the recording.
+        RecordingError: A file of the recording cannot be read.
+        OutputError: `out` is taken, full or not writable.
+    """
+    if len(indices) == 0 or len(set(indices)) != len(indices):
+        raise ValueError(f"need at least one index and none twice, got {list(indices)}")
+    if min(indices) < 0 or max(indices) >= len(recording):
+        raise ValueError(f"need indices in 0..{len(recording) - 1}, got {list(indices)}")
+    chosen = [recording.views[i] for i in indices]
+    entries = [{**recording.views[i].entry, "source_index": int(i)} for i in indices]
+    text = json.dumps({**_top_of_subset(recording, chosen), "frames": entries}, indent=1)
+    with complete_or_absent(out) as folder:
+        for name in _files_of(recording, chosen):
+            data = _source_bytes(recording.root / name)
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+            if target.read_bytes() != data:
+                raise OutputError(f"{out}: {name} was not written faithfully; check the disk")
+        (folder / FILE_NAME).write_text(text, encoding="utf-8")
+        written = _opened_again(folder, out, chosen)
+    return replace(written, root=out)
+
+
+def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
+    picture = fields.file("file_path")
+    if picture is None:
+        raise fields.wrong("file_path", "is missing")
+    world_from_cam = pose_of(fields, applied_scale)
+    lens = lens_of(fields, picture_size_px(root / picture))
+    depth, depth_unit_m = depth_of(fields) or (None, 0.001)
+    if depth is not None:
+        _check_aspect(root / depth, lens)
+    has_time = fields.own.get("timestamp") is not None
+    return RecordedView(
+        name=picture.stem,
+        picture=picture,
+        depth=depth,
+        depth_unit_m=depth_unit_m,
+        lens=lens,
+        camera=Camera(lens.pinhole, world_from_cam),
+        timestamp_s=fields.number("timestamp") if has_time else None,
+        entry=fields.own,
+    )
+
+
+def _check_aspect(path: Path, lens: Lens) -> None:
+    size_px = depth_size_px(path)
+    if not same_aspect(size_px, lens.pinhole.size_px):
+        (width, height), (full_width, full_height) = size_px, lens.pinhole.size_px
+        raise RecordingError(
+            path,
+            f"is {width}x{height}, not of the aspect of its picture ({full_width}x{full_height})",
+            remedy="crop or pad the depth map to the picture's field of view",
+        )
+
+
+def _refuse_twice(path: Path, views: Sequence[RecordedView]) -> None:
+    first: dict[Path, int] = {}
+    for number, view in enumerate(views):
+        if view.picture in first:
+            raise RecordingError(
+                path,
+                f"is the picture of frames[{first[view.picture]}] too",
+                field=f"frames[{number}].file_path",
+                remedy="remove one of the two frames",
+            )
+        first[view.picture] = number
+
+
+def _top_of_subset(recording: Recording, chosen: Sequence[RecordedView]) -> dict[str, Any]:
+    """Return the shared fields; lists of names for training and testing keep what is there."""
+    top = dict(recording.top)
+    names = {view.entry["file_path"] for view in chosen}
+    for key in _SPLITS:
+        if isinstance(top.get(key), list):
+            top[key] = [name for name in top[key] if name in names]
+    return top
+
+
+def _files_of(recording: Recording, chosen: Sequence[RecordedView]) -> list[Path]:
+    """Return the files that a subset needs, once each."""
+    path = recording.root / FILE_NAME
+    files = {view.picture: None for view in chosen}
+    files |= {view.depth: None for view in chosen if view.depth is not None}
+    asides = [Fields(path, view.entry, {}).file("mask_path") for view in chosen]
+    asides.append(Fields(path, recording.top, {}).file("ply_file_path"))
+    files |= {aside: None for aside in asides if aside is not None}
+    return list(files)
+
+
+def _source_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RecordingError(
+            path, f"cannot be read ({error.strerror})", remedy="check the file and its rights"
+        ) from error
+
+
+def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> Recording:
+    """Open what was written and compare it with what was meant."""
+    try:
+        written = open_recording(folder)
+    except RecordingError as error:
+        raise OutputError(f"{out}: does not open again ({error}); check the disk") from error
+    same = len(written) == len(chosen) and all(
+        got.picture == meant.picture
+        and got.depth == meant.depth
+        and got.lens == meant.lens
+        and np.array_equal(got.camera.world_from_cam.matrix(), meant.camera.world_from_cam.matrix())
+        for got, meant in zip(written.views, chosen, strict=True)
+    )
+    if not same:
+        raise OutputError(f"{out}: was read back with other cameras or files; check the disk")
+    return written

@@ -1,0 +1,194 @@
+"""Output that is complete or absent: never half a folder, never half a file.
+
+Inside, write with `Path.write_bytes` and the encoders below: `cv2.imwrite` answers a full disk with
+`False` and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Generator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import simplejpeg
+from jaxtyping import UInt8, UInt16
+
+from peaking.errors import OutputError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+@contextlib.contextmanager
+def complete_or_absent(out: Path) -> Generator[Path, None, None]:
+    """Yield a hidden folder beside `out` that becomes `out` when the block ends well.
+
+    It is flushed to the disk and renamed in one step. When the block raises (a `KeyboardInterrupt`
+    too), it is removed, and so are parents of `out` that were made for it.
+
+    Raises:
+        OutputError: `out` exists and is not an empty folder, cannot be written to, or the disk is
+            full.
+    """
+    target = Path(os.path.realpath(out))
+    _refuse_taken(target, out)
+    partial = _hidden_sibling(target)
+    with _parents_made(target, out):
+        try:
+            with _explained(out, partial):
+                partial.mkdir()
+            # What the block raises is only translated where it speaks of this folder.
+            with _explained(out, partial, only_within=True):
+                yield partial
+            with _explained(out, partial):
+                _flush_tree(partial)
+                partial.rename(target)
+                _flush(target.parent)
+        except BaseException:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file, or replace it, in one step; parents are made.
+
+    Raises:
+        OutputError: The path is a folder, cannot be written to, or the disk is full.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file")
+    partial = _hidden_sibling(target)
+    with _parents_made(target, path):
+        try:
+            with _explained(path, partial):
+                partial.write_bytes(data)
+                _flush(partial)
+                partial.replace(target)
+                _flush(target.parent)
+        except BaseException:
+            with contextlib.suppress(OSError):  # a read-only disk refuses this too
+                partial.unlink(missing_ok=True)
+            raise
+
+
+def encode_png(image: UInt8[np.ndarray, "h w 3"] | UInt16[np.ndarray, "h w"]) -> bytes:
+    """Return an RGB picture, or depth in millimetres, as the bytes of a PNG."""
+    turned = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    done, data = cv2.imencode(".png", turned)
+    if not done:
+        raise ValueError(f"need a picture that PNG can hold, got {image.dtype} {image.shape}")
+    return data.tobytes()
+
+
+def encode_jpeg(rgb: UInt8[np.ndarray, "h w 3"], *, quality: int = 95) -> bytes:
+    """Return an RGB picture as the bytes of a JPEG (4:4:4)."""
+    contiguous = np.ascontiguousarray(rgb)
+    return simplejpeg.encode_jpeg(contiguous, quality=quality, colorspace="RGB")
+
+
+def _refuse_taken(target: Path, out: Path) -> None:
+    try:
+        if target.is_dir():
+            if any(target.iterdir()):
+                raise OutputError(f"{out}: is not empty; give a new folder or empty this one")
+            if os.path.ismount(target):
+                raise OutputError(f"{out}: is a mount point; give a new folder inside it")
+        elif os.path.lexists(target):
+            raise OutputError(f"{out}: is a file; give the name of a new folder")
+    except OSError as error:
+        raise OutputError(_sentence(error, out)) from error
+
+
+def _hidden_sibling(target: Path) -> Path:
+    """Return a free name on the same file system, where a rename is one step."""
+    return target.with_name(f".{target.name}.partial-{secrets.token_hex(4)}")
+
+
+@contextlib.contextmanager
+def _parents_made(target: Path, out: Path) -> Generator[None, None, None]:
+    """Make missing parents; take back the ones made here when the block raises."""
+    missing = [parent for parent in target.parents if not parent.exists()]
+    made: list[Path] = []
+    try:
+        with _explained(out, target):
+            for parent in reversed(missing):
+                parent.mkdir(exist_ok=True)
+                made.append(parent)
+                _flush(parent.parent)
+        yield
+    except BaseException:
+        for parent in reversed(made):
+            with contextlib.suppress(OSError):  # someone else may have put something there
+                parent.rmdir()
+        raise
+
+
+@contextlib.contextmanager
+def _explained(
+    out: Path, partial: Path, *, only_within: bool = False
+) -> Generator[None, None, None]:
+    """Turn the system's refusal to write into a sentence that says what to do.
+
+    With `only_within`, an error stays as it is when it may be about something else than writing
+    below `partial`: the block under guard also reads files from elsewhere.
+    """
+    try:
+        yield
+    except OSError as error:
+        if only_within and not _is_about_writing(error, partial):
+            raise
+        raise OutputError(_sentence(error, out)) from error
+
+
+def _is_about_writing(error: OSError, partial: Path) -> bool:
+    if error.errno in (*_FULL, errno.EROFS):
+        return True
+    named = [name for name in (error.filename, error.filename2) if isinstance(name, str)]
+    return error.errno in _FORBIDDEN and any(Path(name).is_relative_to(partial) for name in named)
+
+
+def _sentence(error: OSError, out: Path) -> str:
+    if error.errno in _FULL:
+        return (
+            f"{out}: no room: {error.strerror} ({_free_mb(out):.0f} MB free); "
+            "nothing was kept: free some space or give a folder on another disk"
+        )
+    if error.errno in _FORBIDDEN:
+        return f"{out}: not writable ({error.strerror}); give a folder that you may write to"
+    if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+        return f"{out}: something else was written there meanwhile; give a new folder"
+    if error.errno == errno.ENOTDIR:
+        return f"{out}: lies below something that is a file; give a place inside a folder"
+    if error.errno == errno.ENAMETOOLONG:
+        return f"{out}: the name is too long for the file system; give a shorter one"
+    return f"{out}: cannot be written ({error.strerror}); give a folder on another disk"
+
+
+def _free_mb(out: Path) -> float:
+    """Return the room left where `out` is or would be."""
+    real = Path(os.path.realpath(out))
+    existing = next(place for place in (real, *real.parents) if place.exists())
+    return shutil.disk_usage(existing).free / 1e6
+
+
+def _flush_tree(folder: Path) -> None:
+    for place, _, names in os.walk(folder):
+        for name in names:
+            _flush(Path(place) / name)
+        _flush(Path(place))
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
