@@ -1,0 +1,118 @@
+"""Compare a rendered view with the live picture: which pixels are wrong, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, UInt8
+
+from peaking.render import Backend, Rendering
+
+LEAST_ALPHA = 0.5
+"""Opacity below which a pixel counts as missing."""
+
+GAIN_STRIDE = 5
+"""Every how many pixels the exposure is measured at, per axis."""
+
+GAIN_RANGE = 2.0
+"""Exposure is compensated by at most this factor, up or down."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How pixels are compared."""
+
+    threshold: float = 0.4
+    """Error above which a pixel is peaked, t of the paper; 0…3."""
+    shift_px: int = 0
+    """Pixels by which the rendering may be displaced without counting as wrong; 0 or 1."""
+    compensate_exposure: bool = False
+    """Compare after a gain per colour channel that makes the medians equal."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.threshold < 3:
+            raise ValueError(f"need 0 < threshold < 3, got {self.threshold}")
+        if self.shift_px not in (0, 1):
+            raise ValueError(f"need shift_px of 0 or 1, got {self.shift_px}")
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """What is wrong with a rendered view.
+
+    Attributes:
+        error: L1 over RGB of straight colours in 0…1, so 0…3.
+        peaked: Error above the threshold.
+        missing: Nothing was rendered here (a view is missing, rather than wrong).
+    """
+
+    error: Float32[np.ndarray, "h w"]
+    peaked: Bool[np.ndarray, "h w"]
+    missing: Bool[np.ndarray, "h w"]
+
+    @property
+    def peaked_share(self) -> float:
+        """Peaked pixels divided by all pixels, 0…1."""
+        return np.count_nonzero(self.peaked) / self.peaked.size
+
+    @property
+    def missing_share(self) -> float:
+        """Missing pixels divided by all pixels, 0…1."""
+        return np.count_nonzero(self.missing) / self.missing.size
+
+    @property
+    def mean_error(self) -> float:
+        """Mean of the error over all pixels, 0…3."""
+        return float(self.error.mean())
+
+
+def compare(
+    view: Rendering,
+    live: UInt8[np.ndarray, "h w 3"],
+    comparison: Comparison | None = None,
+    *,
+    backend: Backend = "numba",
+) -> ErrorMap:
+    """Compare a rendered view with the live picture of the same camera.
+
+    The error of a pixel is `L(c_mpi, c_vid) = Σ_rgb |c_mpi - c_vid|` (paper, section 3.2) with the
+    straight colour of the rendering, and black where nothing was rendered. With `shift_px` = 1 it
+    is the least of the errors against the 3×3 rendered pixels around: a misalignment of one pixel,
+    which is what phone tracking leaves, is then not an error, while wrong and missing content is.
+
+    Raises:
+        ValueError: The sizes differ.
+    """
+    how = comparison or Comparison()
+    if live.shape[:2] != view.depth_m.shape:
+        raise ValueError(
+            f"need a live picture of the view's size {view.depth_m.shape}, got {live.shape[:2]}"
+        )
+    gain = exposure_gain(view, live) if how.compensate_exposure else np.ones(3, np.float32)
+    if backend == "numpy":
+        from peaking.error_map import _numpy as module
+    else:
+        from peaking.error_map import _numba as module
+    error, peaked, missing = module.compare(
+        view.rgba, live, gain, threshold=how.threshold, shift_px=how.shift_px
+    )
+    return ErrorMap(error, peaked, missing)
+
+
+def exposure_gain(view: Rendering, live: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "3"]:
+    """Return the factor per channel by which the live picture is brighter than the rendering.
+
+    The median over pixels that are well covered and neither dark nor clipped in either picture;
+    1 where there are too few. A phone's automatic exposure and white balance change like this.
+    """
+    rgba = view.rgba[::GAIN_STRIDE, ::GAIN_STRIDE].reshape(-1, 4)
+    rgb = live[::GAIN_STRIDE, ::GAIN_STRIDE].reshape(-1, 3).astype(np.float32) / 255.0
+    gain = np.ones(3, np.float32)
+    for c in range(3):
+        ours, theirs = rgba[:, c], rgb[:, c]
+        good = (rgba[:, 3] > 0.95) & (ours > 0.08) & (theirs > 0.08)
+        good &= (ours < 0.97) & (theirs < 0.97)
+        if np.count_nonzero(good) >= 50:
+            gain[c] = np.median(theirs[good] / ours[good])
+    return np.clip(gain, 1.0 / GAIN_RANGE, GAIN_RANGE)
