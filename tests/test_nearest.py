@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peaking.geometry import Camera, Pinhole, Rigid
-from peaking.nearest import nearest_by_distance, nearest_by_overlap, overlap_share
+from peaking.nearest import nearest_by_distance, nearest_by_overlap, overlap_shares
 
 PINHOLE = Pinhole(100, 100, 100.0, 100.0, 50.0, 50.0)
 
@@ -53,9 +53,8 @@ def test_nothing_asked_for_is_refused(count: int) -> None:
 
 def test_overlap_by_hand() -> None:
     """A step of 1 m before a wall at 2 m moves by half of the picture; 5×5 points are asked."""
-    assert overlap_share(at(0.0), at(0.0), 2.0) == 1.0
-    assert overlap_share(at(1.0), at(0.0), 2.0) == pytest.approx(0.6)
-    assert overlap_share(at(0.0, turned_deg=180), at(0.0), 2.0) == 0.0
+    views = [at(0.0), at(1.0), at(0.0, turned_deg=180)]
+    np.testing.assert_allclose(overlap_shares(views, at(0.0), 2.0), [1.0, 0.6, 0.0])
 
 
 def test_a_near_view_that_looks_elsewhere_loses_against_one_that_looks_here() -> None:

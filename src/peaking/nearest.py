@@ -83,7 +83,7 @@ def nearest_by_overlap(
     distance_m = _distances_m(cameras, target, count)
     # Views farther than the closest few hundred cannot win by overlap; keeps long sessions quick.
     candidates = np.argsort(distance_m, kind="stable")[: max(64, 8 * count)]
-    overlap = np.array([overlap_share(cameras[i], target, scene_depth_m) for i in candidates])
+    overlap = overlap_shares([cameras[i] for i in candidates], target, scene_depth_m)
     cost_m = (distance_m[candidates] + CLOSE_M) / np.maximum(overlap, LEAST_OVERLAP)
     order = np.argsort(cost_m, kind="stable")
     best = order[:count]
@@ -92,19 +92,26 @@ def nearest_by_overlap(
     return _neighbours(candidates[best], closeness / cost_m[best], distance_m)
 
 
-def overlap_share(view: Camera, target: Camera, scene_depth_m: float) -> float:
-    """Return the part of the target's picture that `view` saw, if all is at `scene_depth_m`."""
+def overlap_shares(
+    views: Sequence[Camera], target: Camera, scene_depth_m: float
+) -> Float64[np.ndarray, "views"]:
+    """Return the part of the target's picture that each view saw, if all is at `scene_depth_m`."""
     width, height = target.pinhole.size_px
     steps = (np.arange(GRID) + 0.5) / GRID
     x, y = np.meshgrid(steps * width, steps * height)
     p_target = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
     in_target_m = scene_depth_m * p_target @ target.pinhole.cam_from_px.T
-    in_view_m = (view.world_from_cam.inverse() @ target.world_from_cam).apply(in_target_m)
-    ahead = in_view_m[:, 2] > 0
-    p_view = in_view_m @ view.pinhole.px_from_cam.T
-    xy = p_view[:, :2] / np.where(ahead, p_view[:, 2], 1.0)[:, None]
-    inside = ahead & (xy >= 0).all(axis=1) & (xy <= view.pinhole.size_px).all(axis=1)
-    return float(inside.mean())
+    in_world_m = target.world_from_cam.apply(in_target_m)
+    rotations = np.stack([view.world_from_cam.rotation for view in views])
+    positions_m = np.stack([view.position_m for view in views])
+    in_view_m = (in_world_m[None] - positions_m[:, None]) @ rotations
+    px_from_cam = np.stack([view.pinhole.px_from_cam for view in views])
+    p_view = in_view_m @ px_from_cam.transpose(0, 2, 1)
+    ahead = p_view[..., 2] > 0
+    xy = p_view[..., :2] / np.where(ahead, p_view[..., 2], 1.0)[..., None]
+    sizes = np.array([view.pinhole.size_px for view in views])[:, None]
+    inside = ahead & (xy >= 0).all(axis=-1) & (xy <= sizes).all(axis=-1)
+    return inside.mean(axis=1)
 
 
 def _distances_m(

@@ -1,0 +1,157 @@
+"""The whole method on one screen.
+
+    frame ── complete ── generate ── align ──► Mpi in metres ──► views        add_view()
+                                                                  │ nearest K
+    live picture + camera ──────────────► render each, blend ◄────┘           see()
+                             └──────────► compare ──► peaks
+
+>>> scene = LocalLightField(PRESETS["default"])
+>>> scene.add_view(frame)                      # the shutter
+>>> seen = scene.see(live.rgb, live.camera)    # every frame of the video
+>>> seen.errors.peaked_share
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from peaking.align import align
+from peaking.depth import complete
+from peaking.error_map import Comparison, ErrorMap, compare
+from peaking.errors import NothingToAlign, PeakingError
+from peaking.frame import Frame, working_size_px
+from peaking.generate.layered import Layered
+from peaking.geometry import Camera
+from peaking.mpi import Mpi
+from peaking.nearest import Neighbour, nearest_by_distance, nearest_by_overlap
+from peaking.presets import DEFAULT, Options
+from peaking.render import Rendering, render
+from peaking.render.blend import blend
+from peaking.timing import Stopwatch
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the photographer is shown at one moment.
+
+    Attributes:
+        view: The scene as the captured views know it.
+        errors: Where that differs from the live picture.
+        neighbours: The captured views it was made from.
+    """
+
+    view: Rendering
+    errors: ErrorMap
+    neighbours: tuple[Neighbour, ...]
+
+
+class LocalLightField:
+    """The captured views, each an MPI in metres at the pose where it was photographed."""
+
+    def __init__(self, options: Options = DEFAULT, *, stopwatch: Stopwatch | None = None) -> None:
+        """Begin without a view."""
+        self.options = options
+        self.stopwatch = stopwatch or Stopwatch(time.perf_counter)
+        self.views: list[Mpi] = []
+        self._generate = Layered(num_planes=options.num_planes)
+        self._buffers: tuple[Float32[np.ndarray, "k h w 4"], Float32[np.ndarray, "k h w"]] | None
+        self._buffers = None
+
+    def prepare(self, frame: Frame) -> Frame:
+        """Return the frame at the size that MPIs and views have here."""
+        return frame.resized(
+            *working_size_px(*frame.camera.pinhole.size_px, pixels=self.options.pixels)
+        )
+
+    def add_view(self, frame: Frame) -> Mpi:
+        """Make a captured frame part of the reconstruction.
+
+        Raises:
+            PeakingError: The frame has no metric depth.
+        """
+        mpi = self.mpi_of(frame)
+        self.views.append(mpi)
+        return mpi
+
+    def mpi_of(self, frame: Frame) -> Mpi:
+        """Return the MPI of a frame, in metres, without keeping it."""
+        if frame.depth_m is None:
+            raise PeakingError(
+                f"{frame.name}: no metric depth; record with depth (ARCore, LiDAR, RGB-D camera)"
+            )
+        with self.stopwatch.stage("prepare"):
+            small = self.prepare(frame)
+        with self.stopwatch.stage("complete"):
+            depth_m = complete(frame.depth_m, small.rgb)
+        with self.stopwatch.stage("generate"):
+            mpi = self._generate(small.rgb, depth_m, small.camera)
+        if self.options.align == "off":
+            return mpi
+        with self.stopwatch.stage("align"):
+            try:
+                scale = align(mpi, frame.depth_m, method=self.options.align).scale
+            except NothingToAlign as error:
+                raise NothingToAlign(f"{frame.name}: {error}") from error
+            return mpi.scaled(scale)
+
+    def see(self, live: UInt8[np.ndarray, "h w 3"], camera: Camera) -> Seen:
+        """Render the scene for a live picture of the working size, and compare.
+
+        Raises:
+            ValueError: No view was captured yet, or the sizes differ.
+        """
+        view, neighbours = self.view_from(camera)
+        with self.stopwatch.stage("compare"):
+            errors = compare(
+                view,
+                live,
+                Comparison(
+                    threshold=self.options.error_threshold,
+                    shift_px=self.options.shift_px,
+                    compensate_exposure=self.options.compensate_exposure,
+                ),
+            )
+        return Seen(view, errors, neighbours)
+
+    def view_from(self, camera: Camera) -> tuple[Rendering, tuple[Neighbour, ...]]:
+        """Render the scene from anywhere.
+
+        Raises:
+            ValueError: No view was captured yet.
+        """
+        with self.stopwatch.stage("nearest"):
+            neighbours = self._nearest(camera)
+        with self.stopwatch.stage("render"):
+            rgba, depth_m = self._buffers_for(len(neighbours), camera)
+            for k, neighbour in enumerate(neighbours):
+                render(self.views[neighbour.index], camera, out=(rgba[k], depth_m[k]))
+        with self.stopwatch.stage("blend"):
+            weights = [neighbour.weight for neighbour in neighbours]
+            view = blend(rgba, depth_m, weights, opacity=self.options.opacity)
+        return view, neighbours
+
+    def _nearest(self, camera: Camera) -> tuple[Neighbour, ...]:
+        cameras = [view.camera for view in self.views]
+        count = self.options.neighbours
+        if self.options.weights == "paper":
+            return nearest_by_distance(cameras, camera, count=count)
+        closest = nearest_by_distance(cameras, camera, count=1)[0]
+        scene_depth_m = float(np.median(self.views[closest.index].plane_depths_m))
+        return nearest_by_overlap(cameras, camera, scene_depth_m, count=count)
+
+    def _buffers_for(
+        self, count: int, camera: Camera
+    ) -> tuple[Float32[np.ndarray, "k h w 4"], Float32[np.ndarray, "k h w"]]:
+        """Return scratch for `count` renderings; made once, so that frames allocate little."""
+        width, height = camera.pinhole.size_px
+        if self._buffers is None or self._buffers[1].shape[1:] != (height, width):
+            most = self.options.neighbours
+            self._buffers = (
+                np.empty((most, height, width, 4), np.float32),
+                np.empty((most, height, width), np.float32),
+            )
+        return self._buffers[0][:count], self._buffers[1][:count]

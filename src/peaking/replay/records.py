@@ -1,0 +1,221 @@
+"""What a replay found out, frame by frame and in sum, and the two files that programs read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRecord:
+    """One frame of a recording, as the virtual photographer saw it.
+
+    Before the first view is captured there is nothing to render, so frames have no shares, no
+    error and no nearest view (None); frame 0 is such a frame, and is captured if it has depth. The
+    shares of a captured frame are those *before* its capture: they are the reason for it.
+
+    Attributes:
+        index: Place of the frame in the recording, from 0.
+        name: Name of the frame in the recording.
+        timestamp_s: When it was taken, where the recording says so.
+        position_m: Where the camera was, in the world.
+        forward: Viewing direction in the world, of length 1.
+        up: The direction in the world that is up in the picture, of length 1.
+        nearest_distance_m: Distance to the nearest captured view.
+        peaked_share: Pixels shown red, 0…1 of the picture.
+        missing_share: Pixels that no captured view has seen, 0…1 of the picture.
+        mean_error: Mean over the picture of the error, in the error's own unit.
+        captured: Whether a view was made of this frame.
+        stage_ms: Milliseconds that each stage took.
+    """
+
+    index: int
+    name: str
+    position_m: Float[np.ndarray, "3"]
+    forward: Float[np.ndarray, "3"]
+    up: Float[np.ndarray, "3"]
+    captured: bool
+    timestamp_s: float | None = None
+    nearest_distance_m: float | None = None
+    peaked_share: float | None = None
+    missing_share: float | None = None
+    mean_error: float | None = None
+    stage_ms: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    def __post_init__(self) -> None:
+        if self.index < 0:
+            raise ValueError(f"need index >= 0, got {self.index}")
+        for name in ("position_m", "forward", "up"):
+            vector = getattr(self, name)
+            if np.shape(vector) != (3,) or not np.isfinite(vector).all():
+                raise ValueError(f"need 3 finite numbers as {name}, got {vector}")
+        for name in ("peaked_share", "missing_share"):
+            share = getattr(self, name)
+            if share is not None and not 0.0 <= share <= 1.0:
+                raise ValueError(f"need 0 <= {name} <= 1 or None, got {share}")
+        for name in ("nearest_distance_m", "mean_error"):
+            number = getattr(self, name)
+            if number is not None and not (math.isfinite(number) and number >= 0):
+                raise ValueError(f"need a finite {name} >= 0 or None, got {number}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplaySettings:
+    """What was asked for; every result file begins with it.
+
+    Attributes:
+        version: Version of peaking.
+        preset: Name of the preset.
+        options: Every option with its value, the preset's and the user's; may be nested.
+        scene: Name of the recording.
+        size_px: Width and height of the pictures that were compared.
+        fps: Frames per second of the overlay video.
+        threshold_share: A frame with a greater peaked share is captured.
+    """
+
+    version: str
+    preset: str
+    options: Mapping[str, object]
+    scene: str
+    size_px: tuple[int, int]
+    fps: float
+    threshold_share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplaySummary:
+    """A replay in a few numbers.
+
+    Attributes:
+        settings: What was asked for.
+        frames: Number of frames walked.
+        captured_indices: Frames that were captured, in order.
+        mean_peaked_share: Mean over the frames that have one; None when none has.
+        stage_ms: Median milliseconds of each stage, over the frames that went through it.
+    """
+
+    settings: ReplaySettings
+    frames: int
+    captured_indices: tuple[int, ...]
+    mean_peaked_share: float | None
+    stage_ms: Mapping[str, float]
+
+    @property
+    def captured(self) -> int:
+        """Number of captured frames."""
+        return len(self.captured_indices)
+
+
+def summarize(settings: ReplaySettings, records: Sequence[FrameRecord]) -> ReplaySummary:
+    """Put the frames together."""
+    shares = [r.peaked_share for r in records if r.peaked_share is not None]
+    medians = {
+        stage: statistics.median(r.stage_ms[stage] for r in records if stage in r.stage_ms)
+        for stage in stage_names(records)
+    }
+    return ReplaySummary(
+        settings=settings,
+        frames=len(records),
+        captured_indices=tuple(r.index for r in records if r.captured),
+        mean_peaked_share=statistics.fmean(shares) if shares else None,
+        stage_ms=medians,
+    )
+
+
+def stage_names(records: Iterable[FrameRecord]) -> list[str]:
+    """Return the stages that occur, in the order in which they first do."""
+    return list(dict.fromkeys(stage for record in records for stage in record.stage_ms))
+
+
+def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
+    """Write one line per frame; what a frame does not have is empty.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    stages = stage_names(records)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(
+        [
+            *("index", "name", "timestamp_s", "captured"),
+            *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
+            *("position_x_m", "position_y_m", "position_z_m"),
+            *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
+            *(f"ms_{stage}" for stage in stages),
+        ]
+    )
+    for r in records:
+        table.writerow(
+            [
+                *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
+                "true" if r.captured else "false",
+                *(_cell(r.peaked_share), _cell(r.missing_share)),
+                *(_cell(r.mean_error), _cell(r.nearest_distance_m)),
+                *(_cell(float(x)) for x in (*r.position_m, *r.forward, *r.up)),
+                *(_cell(r.stage_ms.get(stage), digits=3) for stage in stages),
+            ]
+        )
+    write_text(path, text.getvalue())
+
+
+def _cell(number: float | None, *, digits: int = 6) -> str:
+    return "" if number is None else f"{number:.{digits}f}"
+
+
+def write_summary(path: Path, summary: ReplaySummary) -> None:
+    """Write the summary as JSON, the version and the configuration first.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    settings = summary.settings
+    document = {
+        "version": settings.version,
+        "preset": settings.preset,
+        "options": _plain(settings.options),
+        "scene": settings.scene,
+        "size_px": list(settings.size_px),
+        "fps": settings.fps,
+        "threshold_share": settings.threshold_share,
+        "frames": summary.frames,
+        "captured": summary.captured,
+        "captured_indices": list(summary.captured_indices),
+        "mean_peaked_share": summary.mean_peaked_share,
+        "stage_ms": {stage: round(ms, 3) for stage, ms in summary.stage_ms.items()},
+    }
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(path, text + "\n")
+
+
+def _plain(value: object) -> object:
+    """Turn options into what JSON has; a value it has not becomes its text, never a failure."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file as UTF-8; a name from a file system that is not UTF-8 gets "?" in it.
+
+    Raises:
+        OSError: As the system has it: `complete_or_absent` around it knows what to say.
+    """
+    path.write_bytes(text.encode("utf-8", errors="replace"))

@@ -1,0 +1,279 @@
+"""Writes report.html: one file that needs no network, for people."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from peaking.replay.charts import MAX_POINTS, percent, share_chart
+from peaking.replay.path_map import MapView, map_view, path_map
+from peaking.replay.records import FrameRecord, ReplaySummary, write_text
+from peaking.replay.stills import Still, encode_stills
+
+PAGE_BYTES = 2_900_000
+"""The page stays below this; the stills take what the rest leaves, and shrink if they must."""
+
+KINDS = {"worst": "Worst frames", "typical": "Typical frames (near the median)"}
+
+
+def write_report(
+    path: Path,
+    *,
+    summary: ReplaySummary,
+    records: Sequence[FrameRecord],
+    stills: Sequence[Still],
+) -> None:
+    """Write the report.
+
+    It links to the overlay video, the captured data set, the table and the summary where they lie
+    beside it at that time, so it is written last.
+
+    Args:
+        path: The file, report.html by custom.
+        summary: The replay in a few numbers.
+        records: Its frames, in order.
+        stills: Pictures to show, see `StillPicker`.
+
+    Raises:
+        OSError: The file cannot be written.
+        ValueError: There is no frame.
+    """
+    if not records:
+        raise ValueError("need at least 1 frame to report on")
+    settings = summary.settings
+    view = map_view(records)
+    style, script = _resource("report.css"), _resource("report.js")
+    title = html.escape(settings.scene)
+    sections = [
+        _header(path.parent, summary),
+        _numbers(summary),
+        _share_section(records, summary),
+        f'<div class="two">{_map_section(records, view)}{_stages(summary)}</div>',
+        _video(path.parent),
+        _options(summary),
+    ]
+    frames = _frames_json(records, view)
+    rest = len(frames) + sum(len(section) for section in sections)
+    sections.insert(-1, _stills_section(records, stills, most_bytes=PAGE_BYTES - rest))
+    page = (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{title}: peaking replay</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
+        f"<main>\n{''.join(sections)}"
+        f"<footer>Made by peaking {html.escape(settings.version)}.</footer>\n</main>\n"
+        '<div id="tip"></div>\n'
+        f'<script type="application/json" id="frames">{frames}</script>\n'
+        f"<script>\n{script}</script>\n</body>\n</html>\n"
+    )
+    write_text(path, page)
+
+
+def _resource(name: str) -> str:
+    return resources.files("peaking.replay").joinpath(name).read_text(encoding="utf-8")
+
+
+def _header(folder: Path, summary: ReplaySummary) -> str:
+    settings = summary.settings
+    width, height = settings.size_px
+    links = [
+        ("overlay.mp4", "Overlay video"),
+        ("captured/", "Captured data set"),
+        ("frames.csv", "Frames (CSV)"),
+        ("summary.json", "Summary (JSON)"),
+    ]
+    nav = "".join(
+        f'<a href="{name}">{words}</a>' for name, words in links if (folder / name).exists()
+    )
+    return (
+        f'<header><div><p class="kind">Replay</p><h1>{html.escape(settings.scene)}</h1>'
+        f'<p class="note">{width} × {height} pixels compared, {settings.fps:g} frames per second'
+        f"</p></div><nav>{nav}</nav></header>\n"
+    )
+
+
+def _numbers(summary: ReplaySummary) -> str:
+    settings = summary.settings
+    part = percent(summary.captured / summary.frames) if summary.frames else "–"
+    tiles = [
+        ("Frames", str(summary.frames), "in the recording"),
+        ("Captured", str(summary.captured), f"{part} of the frames"),
+        ("Mean peaked share", percent(summary.mean_peaked_share), "of the picture"),
+        ("Threshold", percent(settings.threshold_share), "more than this: captured"),
+        ("Preset", html.escape(settings.preset), f"peaking {html.escape(settings.version)}"),
+    ]
+    cells = "".join(
+        f"<div><dt>{name}</dt><dd>{value}<small>{note}</small></dd></div>"
+        for name, value, note in tiles
+    )
+    return f'<dl class="numbers">{cells}</dl>\n'
+
+
+def _video(folder: Path) -> str:
+    if not (folder / "overlay.mp4").exists():
+        return ""
+    return (
+        "<section><h2>Overlay video</h2>"
+        '<p class="note">The recording, what can be rendered from the views captured until then, '
+        "and in red the pixels where the two differ.</p>"
+        '<video controls muted playsinline preload="metadata" src="overlay.mp4" '
+        'aria-label="Side by side: live picture, rendering, peaks"></video></section>\n'
+    )
+
+
+def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> str:
+    threshold_share = summary.settings.threshold_share
+    wide = share_chart(records, (1080, 300), threshold_share=threshold_share)
+    narrow = share_chart(records, (350, 240), threshold_share=threshold_share)
+    legend = [
+        ('<path class="curve" d="M0 10L9 4L17 9L26 3"/>', "peaked share"),
+        (
+            '<line class="threshold" x1="0" x2="26" y1="7" y2="7"/>',
+            f"threshold {percent(threshold_share)}",
+        ),
+        ('<g class="shutter"><path d="M8 2h10l-5 9z"/></g>', "captured"),
+    ]
+    if any(r.missing_share is not None for r in records):
+        legend.append(('<path class="missing" d="M0 7H26"/>', "missing (in no captured view)"))
+    return (
+        "<section><h2>Peaked share over the frames</h2>"
+        '<p class="note">Part of the picture shown red, before a capture. Until the first view '
+        "is captured there is nothing to compare with.</p>"
+        f"{_both(wide, narrow)}{_legend(legend)}</section>\n"
+    )
+
+
+def _map_section(records: Sequence[FrameRecord], view: MapView) -> str:
+    wide, narrow = path_map(records, view, (640, 430)), path_map(records, view, (350, 320))
+    legend = [
+        ('<path class="path" d="M0 11L9 4L17 9L26 3"/>', "camera"),
+        (
+            '<g class="view"><path d="M13 13L7 2H19Z"/><circle r="2" cx="13" cy="13"/></g>',
+            "captured view, looking to its open side",
+        ),
+    ]
+    return (
+        f'<section><h2>Path of the camera</h2><p class="note">{view.words.capitalize()}; '
+        f"both axes to the same scale.</p>{_both(wide, narrow)}{_legend(legend)}</section>"
+    )
+
+
+def _both(wide: str, narrow: str) -> str:
+    """Two sizes of a drawing, so that its text is legible on a phone; the style sheet chooses."""
+    return wide.replace('class="', 'class="wide ', 1) + narrow.replace(
+        'class="', 'class="narrow ', 1
+    )
+
+
+def _legend(entries: Sequence[tuple[str, str]]) -> str:
+    items = "".join(
+        f'<li><svg viewBox="0 0 26 14" aria-hidden="true">{drawing}</svg>{words}</li>'
+        for drawing, words in entries
+    )
+    return f'<ul class="legend">{items}</ul>'
+
+
+def _stages(summary: ReplaySummary) -> str:
+    longest = max(summary.stage_ms.values(), default=0.0)
+    rows = "".join(
+        f'<tr><td>{html.escape(stage)}</td><td class="ms">{ms:.1f}</td><td class="bar">'
+        f'<i style="width:{100 * ms / max(longest, 1e-9):.0f}%"></i></td></tr>'
+        for stage, ms in summary.stage_ms.items()
+    )
+    return (
+        '<section><h2>Time per stage</h2><p class="note">Median over the frames that went '
+        'through it.</p><table><thead><tr><th scope="col">stage</th>'
+        '<th scope="col" class="ms">ms</th><th class="bar" aria-hidden="true"></th></tr></thead>'
+        f"<tbody>{rows}</tbody></table></section>"
+    )
+
+
+def _stills_section(
+    records: Sequence[FrameRecord], stills: Sequence[Still], *, most_bytes: int
+) -> str:
+    if not stills:
+        return ""
+    by_index = {r.index: r for r in records}
+    # Three bytes are four characters in base64.
+    encoded = encode_stills(list(stills), most_bytes=3 * most_bytes // 4)
+    height, width = stills[0].live.shape[:2]
+    shape = "upright" if height > width else "lying"
+    parts: list[str] = []
+    for kind, heading in KINDS.items():
+        figures = [
+            _figure(still, by_index.get(still.index), jpegs)
+            for still, jpegs in zip(stills, encoded, strict=True)
+            if still.kind == kind
+        ]
+        if figures:
+            parts.append(f"<h3>{heading}</h3>{''.join(figures)}")
+    return f'<section><h2>Stills</h2><div class="stills {shape}">{"".join(parts)}</div></section>\n'
+
+
+def _figure(still: Still, record: FrameRecord | None, jpegs: tuple[bytes, bytes, bytes]) -> str:
+    share = percent(record.peaked_share if record else None)
+    notes = [html.escape(record.name)] if record else []
+    if record and record.captured:
+        notes.append("▼ captured")
+    if record and record.nearest_distance_m is not None:
+        notes.append(f"{100 * record.nearest_distance_m:.1f}\u00a0cm from the nearest view")
+    captions = {
+        "live": f"Live picture of frame {still.index}",
+        "rendering": f"Frame {still.index} rendered from the captured views",
+        "peaks": f"Frame {still.index} with the differing pixels in red, {share}",
+    }
+    images = "".join(
+        f'<div><img alt="{alt}" src="data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}">'
+        f"<p>{name}{f' {share}' if name == 'peaks' else ''}</p></div>"
+        for (name, alt), jpeg in zip(captions.items(), jpegs, strict=True)
+    )
+    return (
+        f"<figure><figcaption><b>Frame {still.index}</b><b>{share} peaked</b>"
+        f'<span>{" · ".join(notes)}</span></figcaption><div class="three">{images}</div></figure>'
+    )
+
+
+def _options(summary: ReplaySummary) -> str:
+    rows = "".join(
+        f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>"
+        for name, value in _flat(summary.settings.options)
+    )
+    return (
+        f"<section><details><summary>Options of the preset “{html.escape(summary.settings.preset)}”"
+        f' as used</summary><table class="options">{rows}</table></details></section>\n'
+    )
+
+
+def _flat(options: Mapping[str, object], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield every option with the names of the groups it is in."""
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            yield from _flat({str(key): inner for key, inner in value.items()}, f"{above}{name}.")
+        else:
+            yield f"{above}{name}", str(value)
+
+
+def _frames_json(records: Sequence[FrameRecord], view: MapView) -> str:
+    """Return what the script shows about frames, every `step`-th of long recordings."""
+    places_m = view.place_m(np.array([r.position_m for r in records], dtype=np.float64))
+    step = math.ceil(len(records) / MAX_POINTS)
+    frames = [
+        {
+            "index": r.index,
+            "name": r.name,
+            "share": None if r.peaked_share is None else round(100 * r.peaked_share, 3),
+            "captured": r.captured,
+            "x": round(float(x), 4),
+            "y": round(float(y), 4),
+        }
+        for r, (x, y) in list(zip(records, places_m, strict=True))[::step]
+    ]
+    text = json.dumps({"step": step, "frames": frames}, separators=(",", ":"))
+    # The only sequences that end or change a script element begin with "<".
+    return text.replace("<", "\\u003c")
