@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking import output
 from peaking.errors import OutputError, RecordingError
 from peaking.output import complete_or_absent, encode_jpeg, encode_png, write_atomically
 
@@ -138,7 +137,7 @@ def test_a_disk_that_is_full_only_when_flushed_leaves_nothing(
         with complete_or_absent(tmp_path / "out") as folder:
             (folder / "a").write_bytes(b"a")
 
-    monkeypatch.setattr(output.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OutputError, match="no room"):
         fill()
     with pytest.raises(OutputError, match="no room"):

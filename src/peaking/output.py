@@ -78,12 +78,23 @@ def write_atomically(path: Path, data: bytes) -> None:
             raise
 
 
-def encode_png(image: UInt8[np.ndarray, "h w 3"] | UInt16[np.ndarray, "h w"]) -> bytes:
-    """Return an RGB picture, or depth in millimetres, as the bytes of a PNG."""
-    turned = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+Picture = (
+    UInt8[np.ndarray, "h w 3"]
+    | UInt8[np.ndarray, "h w 4"]
+    | UInt8[np.ndarray, "h w"]
+    | UInt16[np.ndarray, "h w"]
+)
+
+
+def encode_png(picture: Picture) -> bytes:
+    """Return RGB, RGB with straight alpha, grey, or depth in millimetres as the bytes of a PNG."""
+    turned = picture
+    if picture.ndim == 3:
+        how = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+        turned = cv2.cvtColor(picture, how)
     done, data = cv2.imencode(".png", turned)
     if not done:
-        raise ValueError(f"need a picture that PNG can hold, got {image.dtype} {image.shape}")
+        raise ValueError(f"need a picture that PNG can hold, got {picture.dtype} {picture.shape}")
     return data.tobytes()
 
 

@@ -43,6 +43,9 @@ FILTERS = (
 )
 COLOR_TAGS = ("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709")
 
+ENCODER_NICENESS = 15
+"""Added to ffmpeg's, so that encoding waits for the work whose result it encodes."""
+
 FINISH_TIMEOUT_S = 60.0
 """How long ffmpeg may take, after the last frame, to move the index to the front of the file."""
 
@@ -156,6 +159,9 @@ class VideoWriter:
         except OSError as error:
             stderr.close()
             raise ToolMissing(f"{self.encoder.program} does not run ({error}); {REMEDY}") from error
+        # The encoder has time; what is rendered meanwhile has not.
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, ENCODER_NICENESS)
         self._running = _Running(process, cast(IO[bytes], process.stdin), stderr)
         return self
 

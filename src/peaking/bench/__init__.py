@@ -1,0 +1,1 @@
+"""How fast the stages are, against named peers in the same run."""

@@ -1,0 +1,70 @@
+"""The `peaking` command: one subcommand per thing a person wants done."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, Protocol, runtime_checkable
+
+import tyro
+
+from peaking.commands import bench, generate, quality, render, replay
+from peaking.errors import PeakingError
+
+DESCRIPTION = """See in red, while you photograph, which pixels view synthesis still gets wrong.
+
+Examples:
+  peaking replay scenes/desk --out out/desk
+  peaking replay scenes/desk --out out/paper --preset paper --overlay video
+  peaking generate scenes/desk --frame 0 --out view.mpi
+  peaking render view.mpi --move-m 0.1 0 0 --out moved.png
+  peaking quality scenes/desk
+  peaking bench --json bench.json
+
+`peaking COMMAND --help` tells about one command."""
+
+
+@runtime_checkable
+class Command(Protocol):
+    """What every subcommand is: its fields are the arguments."""
+
+    def run(self) -> None:
+        """Do it."""
+        ...
+
+
+def _subcommand(name: str, command: type[Command]) -> Any:
+    """Name a subcommand and show its whole docstring, examples included."""
+    return tyro.conf.subcommand(name, description=inspect.getdoc(command))
+
+
+Commands = (
+    Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
+    | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
+    | Annotated[render.Render, _subcommand("render", render.Render)]
+    | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
+    | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; exit code 2 for bad input, 130 for Ctrl-C."""
+    command: Command = tyro.cli(
+        Commands,  # type: ignore[arg-type]
+        prog="peaking",
+        description=DESCRIPTION,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    try:
+        command.run()
+    except PeakingError as error:
+        print(f"peaking: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except ValueError as error:
+        print(f"peaking: wrong argument: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("peaking: interrupted; nothing half-written is left", file=sys.stderr)
+        raise SystemExit(130) from None

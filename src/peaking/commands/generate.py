@@ -1,0 +1,50 @@
+"""`peaking generate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from peaking.commands.options import MethodFlags
+
+
+@dataclass(frozen=True)
+class Generate:
+    """Make the MPI of one frame and write it as an .mpi file.
+
+    Examples:
+      peaking generate scenes/desk --out view.mpi
+      peaking generate scenes/desk --frame 40 --out view.mpi --codec lossless
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional]
+    """A nerfstudio folder with depth."""
+    out: Path
+    """The .mpi file to write; an old one is replaced."""
+    frame: int = 0
+    """Which frame, from 0."""
+    codec: Literal["jpeg", "lossless"] = "jpeg"
+    """How the tiles are stored."""
+    quality: int = 80
+    """JPEG quality, 1…100."""
+    method: MethodFlags = field(default_factory=MethodFlags)
+
+    def run(self) -> None:
+        """Generate and write."""
+        from peaking.datasets.nerfstudio import open_recording
+        from peaking.mpi_file import write_mpi
+        from peaking.pipeline import LocalLightField
+
+        recording = open_recording(self.scene)
+        if not 0 <= self.frame < len(recording):
+            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
+        mpi = LocalLightField(self.method.options()).mpi_of(recording.read(self.frame))
+        write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
+        width, height = mpi.camera.pinhole.size_px
+        print(
+            f"{self.out}: {width}x{height}x{mpi.num_planes}, {len(mpi.texels)} tiles, "
+            f"{self.out.stat().st_size / 1e3:.0f} kB"
+        )

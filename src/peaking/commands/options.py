@@ -1,0 +1,46 @@
+"""The options of the method as flags: a preset, and what is to differ from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from peaking.presets import Options
+
+
+@dataclass(frozen=True)
+class MethodFlags:
+    """A preset and what differs from it."""
+
+    preset: Literal["default", "paper"] = "default"
+    """`paper` is the published method to the letter; `default` is our best."""
+    pixels: int | None = None
+    """Pixels of an MPI plane and of the view; the picture's aspect is kept (294×639 = 187866)."""
+    num_planes: int | None = None
+    """Planes of an MPI, D (32)."""
+    align: Literal["paper", "robust", "off"] | None = None
+    """How planes are scaled to the metric depth: mean or median of log disparities, or not."""
+    neighbours: int | None = None
+    """Views that are blended, K (paper 3, default 4)."""
+    weights: Literal["paper", "overlap"] | None = None
+    """How views are chosen and weighed: by distance alone, or with overlap and without jumps."""
+    opacity: Literal["paper", "seen"] | None = None
+    """How opaque a pixel is that only some views saw: weighted sum, or the largest."""
+    error_threshold: float | None = None
+    """L1 over RGB, 0…3, above which a pixel is red, t (0.4)."""
+    shift_px: int | None = None
+    """Misalignment in pixels that does not count as an error (paper 0, default 1)."""
+    compensate_exposure: bool | None = None
+    """Compare after equalising the exposure of the live picture and the view."""
+
+    def options(self) -> Options:
+        """Return the preset with the flags that were given."""
+        from peaking.presets import PRESETS
+
+        given = {
+            field.name: getattr(self, field.name)
+            for field in fields(MethodFlags)
+            if field.name != "preset" and getattr(self, field.name) is not None
+        }
+        return replace(PRESETS[self.preset], **given)

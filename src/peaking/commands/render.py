@@ -1,0 +1,106 @@
+"""`peaking render`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+import tyro
+
+from peaking.commands.options import MethodFlags
+
+if TYPE_CHECKING:
+    from peaking.geometry import Camera
+    from peaking.mpi import Mpi
+    from peaking.render import Rendering
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render an .mpi file, or the views of a recording, from a pose, as a PNG.
+
+    The pose is that of the .mpi file (of a recording: of its frame `--frame`), moved by `--move-m`
+    and turned by `--turn-deg`.
+
+    Examples:
+      peaking render view.mpi --move-m 0.1 0 0 --out right.png
+      peaking render out/desk/captured --frame 3 --move-m 0 -0.05 0.1 --out between.png
+      peaking render view.mpi --turn-deg 5 0 --show depth --out depth.png
+    """
+
+    source: Annotated[Path, tyro.conf.Positional]
+    """An .mpi file, or a nerfstudio folder whose frames are all used as captured views."""
+    out: Path
+    """The PNG file to write; an old one is replaced."""
+    frame: int = 0
+    """Of a folder: the frame whose camera the pose starts from."""
+    move_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Metres to the right, down and forward."""
+    turn_deg: tuple[float, float] = (0.0, 0.0)
+    """Degrees to the right and down."""
+    show: Literal["colour", "alpha", "depth"] = "colour"
+    """Colour over black with alpha, alpha as grey, or depth as 16-bit millimetres."""
+    method: MethodFlags = field(default_factory=MethodFlags)
+
+    def run(self) -> None:
+        """Render and write."""
+        from peaking.output import encode_png, write_atomically
+
+        views, camera = self._views_and_camera()
+        camera = self._moved(camera)
+        view = self._see(views, camera)
+        if self.show == "depth":
+            picture = np.clip(view.depth_m * 1000.0 + 0.5, 0, 65535).astype(np.uint16)
+        elif self.show == "alpha":
+            picture = (view.alpha * 255.0 + 0.5).astype(np.uint8)
+        else:
+            straight = np.dstack([view.rgb(), view.alpha])
+            picture = np.clip(straight * 255.0 + 0.5, 0, 255).astype(np.uint8)
+        write_atomically(self.out, encode_png(picture))
+        print(f"{self.out}: {np.mean(view.alpha > 0.5):.1%} of the picture was seen by a view")
+
+    def _views_and_camera(self) -> tuple[Sequence[Mpi], Camera]:
+        from peaking.datasets.nerfstudio import open_recording
+        from peaking.mpi_file import read_mpi
+        from peaking.nearest import nearest_by_distance
+        from peaking.pipeline import LocalLightField
+
+        if not self.source.is_dir():
+            mpi = read_mpi(self.source)
+            return [mpi], mpi.camera
+        recording = open_recording(self.source)
+        if not 0 <= self.frame < len(recording):
+            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
+        scene = LocalLightField(self.method.options())
+        start = scene.prepare(recording.read(self.frame)).camera
+        # Far views would not take part: only the nearest few are made.
+        target = self._moved(start)
+        near = nearest_by_distance(recording.cameras, target, count=4 * scene.options.neighbours)
+        for neighbour in near:
+            scene.add_view(recording.read(neighbour.index))
+        return scene.views, start
+
+    def _see(self, views: Sequence[Mpi], camera: Camera) -> Rendering:
+        from peaking.pipeline import LocalLightField
+
+        scene = LocalLightField(self.method.options())
+        scene.views.extend(views)
+        return scene.view_from(camera)[0]
+
+    def _moved(self, camera: Camera) -> Camera:
+        from peaking.geometry import Cam, Rigid
+
+        if not np.isfinite([*self.move_m, *self.turn_deg]).all():
+            raise ValueError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
+        right, down = np.deg2rad(self.turn_deg)
+        about_y = np.array(
+            [[np.cos(right), 0, np.sin(right)], [0, 1, 0], [-np.sin(right), 0, np.cos(right)]]
+        )
+        about_x = np.array(
+            [[1, 0, 0], [0, np.cos(down), np.sin(down)], [0, -np.sin(down), np.cos(down)]]
+        )
+        cam_from_moved: Rigid[Cam, Cam] = Rigid(about_y @ about_x, np.array(self.move_m))
+        return replace(camera, world_from_cam=camera.world_from_cam @ cam_from_moved)

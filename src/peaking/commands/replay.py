@@ -1,0 +1,71 @@
+"""`peaking replay`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from peaking.commands.options import MethodFlags
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Walk a recording as a photographer who shoots whenever too much is red.
+
+    Takes the first frame, then every frame whose peaked share exceeds the threshold. Writes
+    overlay.mp4, frames.csv, summary.json, report.html and captured/ (a data set of the chosen
+    views).
+
+    Examples:
+      peaking replay scenes/desk --out out/desk
+      peaking replay scenes/desk --out out/paper --preset paper
+      peaking replay ~/recordings/kitchen --out out/k --threshold 0.03 --overlay video
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional]
+    """A nerfstudio folder: transforms.json, pictures, depth in 16-bit millimetres."""
+    out: Path
+    """Folder to write; it must not exist, or be empty."""
+    threshold: float = 0.0428
+    """Peaked share, 0…1, above which a frame is captured (the paper's 4.28 %)."""
+    max_frames: int | None = None
+    """Walk only so many frames."""
+    overlay: Literal["mpi", "video", "peaks"] = "peaks"
+    """Third picture of the video: MPI over black, peaks on the video, or peaks on the MPI."""
+    fps: float = 15.0
+    """Frames per second of the video."""
+    no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write no overlay.mp4 (which needs the program ffmpeg)."""
+    method: MethodFlags = field(default_factory=MethodFlags)
+
+    def run(self) -> None:
+        """Replay, and say where the report is."""
+        from tqdm import tqdm
+
+        from peaking.datasets.nerfstudio import open_recording
+        from peaking.replay.run import ReplayPlan, replay
+        from peaking.replay.video import find_h264_encoder
+
+        if not self.no_video:
+            find_h264_encoder()
+        plan = ReplayPlan(
+            recording=open_recording(self.scene),
+            preset=self.method.preset,
+            options=self.method.options(),
+            threshold_share=self.threshold,
+            max_frames=self.max_frames,
+            overlay=self.overlay,
+            fps=self.fps,
+            with_video=not self.no_video,
+        )
+        bar = tqdm(range(plan.num_frames), desc="replay", unit="frame")
+        with bar:
+            summary = replay(plan, self.out, progress=lambda _: bar)
+        mean = summary.mean_peaked_share
+        share = "" if mean is None else f", {mean:.2%} of the pixels red on average"
+        print(f"captured {summary.captured} of {summary.frames} frames{share}")
+        print(f"captured views: {self.out / 'captured'}")
+        print(f"report: {(self.out / 'report.html').resolve()}")

@@ -1,0 +1,213 @@
+"""The commands as people run them, end to end on a drawn room."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from recordings import write_recording
+
+from peaking.cli import main
+from peaking.datasets.nerfstudio import open_recording
+from peaking.mpi_file import read_mpi
+
+FLAGS = ["--pixels", "19200"]
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rooms") / "room"
+    return write_recording(folder, num_frames=12, width_px=160, height_px=120)
+
+
+def read_png(path: Path) -> np.ndarray:
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    return np.asarray(picture)
+
+
+def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Run a command that must end with code 2 and one line; return the line."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("peaking: ")
+    assert "Traceback" not in said
+    return last
+
+
+def test_help_shows_the_commands_with_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    for command in ("replay", "generate", "render", "quality", "bench"):
+        assert command in text
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        assert f"peaking {command}" in capsys.readouterr().out
+
+
+def test_replay_writes_all_it_promises(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    main(["replay", str(room), "--out", str(out), "--threshold", "0.02", *FLAGS])
+    assert {p.name for p in out.iterdir()} == {
+        "overlay.mp4",
+        "frames.csv",
+        "summary.json",
+        "report.html",
+        "captured",
+    }
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["frames"] == 12
+    assert summary["captured"] == len(summary["captured_indices"]) > 1
+    assert summary["captured_indices"][0] == 0
+    assert 0 < summary["mean_peaked_share"] < 0.2
+    assert summary["preset"] == "default"
+    assert summary["options"]["pixels"] == 19200
+    assert {"render", "blend", "compare", "generate"} <= set(summary["stage_ms"])
+    with (out / "frames.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    chosen = [i for i, row in enumerate(rows) if row["captured"] == "true"]
+    assert chosen == summary["captured_indices"]
+    for row in rows[1:]:
+        assert (float(row["peaked_share"]) > 0.02) == (row["captured"] == "true")
+    captured = open_recording(out / "captured")
+    assert len(captured) == summary["captured"]
+    np.testing.assert_array_equal(captured.read(1).rgb, open_recording(room).read(chosen[1]).rgb)
+    said = capsys.readouterr().out
+    assert said.strip().splitlines()[-1] == f"report: {(out / 'report.html').resolve()}"
+
+
+def test_the_captured_views_can_be_replayed_again(room: Path, tmp_path: Path) -> None:
+    main(["replay", str(room), "--out", str(tmp_path / "a"), "--no-video", *FLAGS])
+    main(
+        ["replay", str(tmp_path / "a/captured"), "--out", str(tmp_path / "b"), "--no-video", *FLAGS]
+    )
+    assert not (tmp_path / "b/overlay.mp4").exists()
+
+
+def test_max_frames_presets_and_overlays(room: Path, tmp_path: Path) -> None:
+    arguments = ["--preset", "paper", "--max-frames", "3", "--overlay", "video", "--no-video"]
+    main(["replay", str(room), "--out", str(tmp_path / "out"), *arguments, *FLAGS])
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    assert summary["frames"] == 3
+    assert summary["preset"] == "paper"
+    assert summary["options"]["weights"] == "paper"
+    assert summary["options"]["overlay"] == "video"
+
+
+def test_generate_and_render(room: Path, tmp_path: Path) -> None:
+    mpi_path, png, moved = tmp_path / "a.mpi", tmp_path / "a.png", tmp_path / "b.png"
+    flags = ["--frame", "3", "--codec", "lossless", *FLAGS]
+    main(["generate", str(room), "--out", str(mpi_path), *flags])
+    mpi = read_mpi(mpi_path)
+    assert mpi.camera.pinhole.size_px == (160, 120)
+    assert mpi.num_planes == 32
+    main(["render", str(mpi_path), "--out", str(png)])
+    picture = read_png(png)
+    original = open_recording(room).read(3).rgb[..., ::-1].astype(int)
+    assert picture.shape == (120, 160, 4)
+    assert np.abs(picture[..., :3] - original).mean() < 1.0
+    main(["render", str(room), "--frame", "3", "--move-m", "0.05", "0", "0", "--out", str(moved)])
+    assert read_png(moved).shape == (120, 160, 4)
+    main(["render", str(mpi_path), "--show", "depth", "--out", str(tmp_path / "d.png")])
+    depth = read_png(tmp_path / "d.png")
+    assert depth.dtype == np.uint16
+    recorded = open_recording(room).read(3).depth_m
+    assert recorded is not None
+    assert abs(np.median(depth / 1000.0 / recorded) - 1) < 0.01
+
+
+def test_a_folder_in_use_is_left_alone(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.txt").write_text("precious")
+    line = fails(["replay", str(room), "--out", str(tmp_path), "--no-video"], capsys)
+    assert str(tmp_path) in line
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_recording_that_breaks_off_leaves_nothing(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(room, broken)
+    picture = sorted((broken / "images").iterdir())[5]
+    picture.write_bytes(picture.read_bytes()[:-300])
+    out = tmp_path / "deep/out"
+    line = fails(["replay", str(broken), "--out", str(out), "--no-video", *FLAGS], capsys)
+    assert picture.name in line
+    assert not out.parent.exists()
+
+
+def test_a_recording_without_depth_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flat = write_recording(tmp_path / "flat", num_frames=2, with_depth=False)
+    out = tmp_path / "out"
+    line = fails(["replay", str(flat), "--out", str(out), "--no-video"], capsys)
+    assert "depth" in line
+    assert not out.exists()
+
+
+def test_all_unknown_depth_says_so(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(room, broken)
+    depth = sorted(p for p in broken.rglob("*.png") if "depth" in str(p.parent))[0]
+    cv2.imwrite(str(depth), np.zeros_like(read_png(depth)))
+    line = fails(
+        ["replay", str(broken), "--out", str(tmp_path / "out"), "--no-video", *FLAGS], capsys
+    )
+    assert depth.name in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["replay", "{room}/nowhere", "--out", "{out}"], "transforms.json"),
+        (["replay", "{room}", "--out", "{out}", "--threshold", "1.5"], "threshold"),
+        (["replay", "{room}", "--out", "{out}", "--max-frames", "0"], "max_frames"),
+        (["replay", "{room}", "--out", "{out}", "--neighbours", "0"], "neighbours"),
+        (["generate", "{room}", "--out", "{out}", "--frame", "99"], "frame"),
+        (["render", "{room}/transforms.json", "--out", "{out}"], "transforms.json"),
+        (["render", "{room}/nothing.mpi", "--out", "{out}"], "nothing.mpi"),
+        (["quality", "{room}/nowhere"], "nowhere"),
+    ],
+)
+def test_bad_arguments_get_one_line(
+    arguments: list[str],
+    says: str,
+    room: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    filled = [a.format(room=room, out=out) for a in arguments]
+    assert says in fails(filled, capsys)
+    assert not out.exists()
+
+
+def test_a_corrupt_mpi_is_named(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.mpi"
+    main(["generate", str(room), "--out", str(path), *FLAGS])
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    line = fails(["render", str(path), "--out", str(tmp_path / "a.png")], capsys)
+    assert "a.mpi" in line
+    assert not (tmp_path / "a.png").exists()
