@@ -1,0 +1,1 @@
+"""How good views are: metrics, peers, benchmarks."""
