@@ -119,7 +119,21 @@ def test_generate_and_render(room: Path, tmp_path: Path) -> None:
     original = open_recording(room).read(3).rgb[..., ::-1].astype(int)
     assert picture.shape == (120, 160, 4)
     assert np.abs(picture[..., :3] - original).mean() < 1.0
-    main(["render", str(room), "--frame", "3", "--move-m", "0.05", "0", "0", "--out", str(moved)])
+    main(
+        [
+            "render",
+            str(room),
+            "--frame",
+            "3",
+            "--move-m",
+            "0.05",
+            "0",
+            "0",
+            "--out",
+            str(moved),
+            *FLAGS,
+        ]
+    )
     assert read_png(moved).shape == (120, 160, 4)
     main(["render", str(mpi_path), "--show", "depth", "--out", str(tmp_path / "d.png")])
     depth = read_png(tmp_path / "d.png")

@@ -50,16 +50,28 @@ def test_it_ends_where_the_background_comes_to_light_again() -> None:
 
 
 def test_of_two_sides_the_nearer_edge_decides_and_colours_mix_by_distance() -> None:
-    """A post of 3 px before a wall that is red on the left and blue on the right."""
-    disparity = np.full((1, 7), 0.5)
-    disparity[:, 2:5] = 1.5
-    rgb = np.zeros((1, 7, 3), np.uint8)
-    rgb[:, :2, 0], rgb[:, 5:, 2] = 240, 240
+    """A post of 7 px before a wall that is red on the left and blue on the right.
+
+    At a pixels from the left edge the weights are 1/a and 1/(8 - a), so red is 30 (8 - a): 210,
+    180 … 30; then means over five of those.
+    """
+    disparity = np.full((1, 11), 0.5)
+    disparity[:, 2:9] = 1.5
+    rgb = np.zeros((1, 11, 3), np.uint8)
+    rgb[:, :2, 0], rgb[:, 9:, 2] = 240, 240
     hidden, colour = continued_background(rgb, disparity, 100.0, 0.2)
-    np.testing.assert_allclose(hidden[0], [0, 0, 0.5, 0.5, 0.5, 0, 0])
-    # Distances from left and right: 1 and 3, 2 and 2, 3 and 1.
-    np.testing.assert_array_equal(colour[0, 2:5, 0], [180, 120, 60])
-    np.testing.assert_array_equal(colour[0, 2:5, 2], [60, 120, 180])
+    np.testing.assert_allclose(hidden[0], [0, 0, *[0.5] * 7, 0, 0])
+    np.testing.assert_array_equal(colour[0, 2:9, 0], [180, 165, 150, 120, 90, 75, 60])
+    np.testing.assert_array_equal(colour[0, 2:9, 2], [60, 75, 90, 120, 150, 165, 180])
+    assert colour[0, [0, 1, 9, 10]].max() == 0
+
+
+def test_the_pixels_at_an_edge_do_not_colour_what_is_behind() -> None:
+    disparity = np.array([0.5] * 8 + [1.5] * 3)
+    rgb = np.zeros((11, 3))
+    rgb[:6], rgb[6:8], rgb[8:] = 200, 90, 10
+    found = carry_line(disparity, rgb, 100.0, 0.2)
+    np.testing.assert_allclose(found[8:, 2:], 200)
 
 
 def scene(rng: np.random.Generator, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:

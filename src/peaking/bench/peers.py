@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -14,10 +15,7 @@ from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.render import plane_homographies
 
-if TYPE_CHECKING:
-    pass
-
-INSTALL = "pip install 'peaking[torch]'"
+INSTALL = "pip install 'peaking[torch]', or leave the peers out: --no-peers"
 BANDWIDTH_BYTES = 256 * 2**20
 
 
@@ -30,7 +28,7 @@ def torch_layer_loop(mpi: Mpi) -> Callable[[Camera], Float32[np.ndarray, "h w 4"
     Raises:
         ToolMissing: PyTorch is not installed.
     """
-    torch = _torch()
+    torch = _installed("torch")
     functional = torch.nn.functional
     width, height = mpi.camera.pinhole.size_px
     planes = torch.from_numpy(mpi.dense()).permute(0, 3, 1, 2).float() / 255.0
@@ -66,16 +64,8 @@ def depth_anything_small() -> Callable[[], object]:
     Raises:
         ToolMissing: PyTorch or transformers is not installed.
     """
-    torch = _torch()
-    try:
-        from transformers import (  # pyright: ignore[reportMissingImports]
-            DepthAnythingConfig,
-            DepthAnythingForDepthEstimation,
-            Dinov2Config,
-        )
-    except ImportError as error:
-        raise ToolMissing(f"transformers is not installed ({error}); {INSTALL}") from error
-    backbone = Dinov2Config(
+    torch, transformers = _installed("torch"), _installed("transformers")
+    backbone = transformers.Dinov2Config(
         hidden_size=384,
         num_hidden_layers=12,
         num_attention_heads=6,
@@ -84,13 +74,13 @@ def depth_anything_small() -> Callable[[], object]:
         out_features=["stage3", "stage6", "stage9", "stage12"],
         reshape_hidden_states=False,
     )
-    config = DepthAnythingConfig(
+    config = transformers.DepthAnythingConfig(
         backbone_config=backbone,
         reassemble_hidden_size=384,
         neck_hidden_sizes=[48, 96, 192, 384],
         fusion_hidden_size=64,
     )
-    model = DepthAnythingForDepthEstimation(config).eval()
+    model = transformers.DepthAnythingForDepthEstimation(config).eval()
     picture = torch.rand(1, 3, 518, 518)
 
     def forward() -> object:
@@ -114,9 +104,9 @@ def bandwidth_bytes_per_ms(clock_s: Callable[[], float] = time.perf_counter) -> 
     return block.nbytes / (best_s * 1e3)
 
 
-def _torch():
+def _installed(name: str) -> Any:
+    """Import a package of the extra `torch`."""
     try:
-        import torch
+        return importlib.import_module(name)
     except ImportError as error:
-        raise ToolMissing(f"PyTorch is not installed ({error}); {INSTALL}") from error
-    return torch
+        raise ToolMissing(f"{name} is not installed ({error}); {INSTALL}") from error

@@ -18,7 +18,7 @@ from peaking.generate.layered import Layered
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.pipeline import LocalLightField
-from peaking.presets import PRESETS
+from peaking.presets import PRESETS, Options
 from peaking.render import render
 
 PAPER_SIZE_PX = (294, 639)
@@ -45,7 +45,7 @@ def samples(recordings: Sequence[Recording]) -> list[Sample]:
     taken: list[Sample] = []
     for recording in recordings:
         step = max(1, len(recording) // VIEWS_PER_SCENE)
-        for index in range(0, len(recording) - 1, step)[:VIEWS_PER_SCENE]:
+        for index in range(0, max(1, len(recording) - 1), step)[:VIEWS_PER_SCENE]:
             later = min(index + 5, len(recording) - 1)
             frame = recording.read(index)
             if frame.depth_m is None:
@@ -132,9 +132,16 @@ def run(
     if with_peers:
         loops = [torch_layer_loop(mpi) for mpi in mpis]
         forward = depth_anything_small()
+
+        def loop(n: int) -> object:
+            return loops[n % len(loops)](pick(n).later.camera)
+
+        def estimate(_: int) -> object:
+            return forward()
+
         candidates += [
-            Candidate("torch_layer_loop", lambda n: loops[n % len(loops)](pick(n).later.camera), 2),
-            Candidate("dav2_small_forward", lambda _: forward(), max(1, rounds // 6)),
+            Candidate("torch_layer_loop", loop, every=2),
+            Candidate("dav2_small_forward", estimate, every=max(1, rounds // 6)),
         ]
     timings = time_in_turn(candidates, rounds=rounds, progress=progress)
     results = {name: Result(timing) for name, timing in timings.items()}
@@ -160,14 +167,11 @@ def _see(fields: Sequence[LocalLightField], frames: Sequence[Sample], n: int) ->
     return fields[k].see(later.rgb, later.camera)
 
 
-def _field_of_three(options: object, frames: Sequence[Sample]) -> list[LocalLightField]:
+def _field_of_three(options: Options, frames: Sequence[Sample]) -> list[LocalLightField]:
     """Return for every sample a scene of the frame, the later one, and the next sample's."""
-    from peaking.presets import Options
-
-    assert isinstance(options, Options)
     fields: list[LocalLightField] = []
     for k, sample in enumerate(frames):
-        field = LocalLightField(options)
+        field = LocalLightField(replace(options, neighbours=3))
         for frame in (sample.frame, sample.later, frames[(k + 1) % len(frames)].frame):
             field.add_view(frame)
         fields.append(field)

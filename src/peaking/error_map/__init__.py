@@ -54,12 +54,12 @@ class ErrorMap:
     @property
     def peaked_share(self) -> float:
         """Peaked pixels divided by all pixels, 0…1."""
-        return np.count_nonzero(self.peaked) / self.peaked.size
+        return float(np.count_nonzero(self.peaked) / self.peaked.size)
 
     @property
     def missing_share(self) -> float:
         """Missing pixels divided by all pixels, 0…1."""
-        return np.count_nonzero(self.missing) / self.missing.size
+        return float(np.count_nonzero(self.missing) / self.missing.size)
 
     @property
     def mean_error(self) -> float:

@@ -38,27 +38,37 @@ def plane_positions(disparity, ladder, positions):
 def _step(d, d_before, r, g, b, carry, reach_px, jump):
     """Move one sweep on by a pixel.
 
-    `carry` is: disparity, steps, red, green, blue of the background that is carried; then red,
-    green, blue, the running mean of the surface that is being crossed.
+    `carry` is: 0 disparity, 1 steps, 2-4 colour of the background that is carried; 5-7 running
+    mean of the surface that is being crossed, 8 pixels crossed of it, 9-11 and 12-14 the colours
+    one and two pixels back.
     """
-    if d - d_before > jump:
-        carry[0] = d_before
-        carry[1] = np.float32(0.0)
-        carry[2] = carry[5]
-        carry[3] = carry[6]
-        carry[4] = carry[7]
-        carry[5] = r
-        carry[6] = g
-        carry[7] = b
-    elif d_before - d > jump:
+    if abs(d - d_before) > jump:
+        if d > d_before:
+            carry[0] = d_before
+            carry[1] = np.float32(0.0)
+            carry[2] = carry[5]
+            carry[3] = carry[6]
+            carry[4] = carry[7]
+        carry[8] = np.float32(0.0)
+    # The pixels at an edge are mixtures of both sides, so the mean lags two pixels behind.
+    if carry[8] < np.float32(3.0):
         carry[5] = r
         carry[6] = g
         carry[7] = b
     else:
         rate = np.float32(0.25)
-        carry[5] += rate * (r - carry[5])
-        carry[6] += rate * (g - carry[6])
-        carry[7] += rate * (b - carry[7])
+        if carry[8] == np.float32(3.0):
+            rate = np.float32(1.0)
+        carry[5] += rate * (carry[12] - carry[5])
+        carry[6] += rate * (carry[13] - carry[6])
+        carry[7] += rate * (carry[14] - carry[7])
+    carry[8] += np.float32(1.0)
+    carry[12] = carry[9]
+    carry[13] = carry[10]
+    carry[14] = carry[11]
+    carry[9] = r
+    carry[10] = g
+    carry[11] = b
     if carry[0] > np.float32(0.0):
         carry[1] += np.float32(1.0)
         behind = d - carry[0]
@@ -71,12 +81,10 @@ def sweep_rows(disparity, rgb, reach_px, jump, forward, found):
     """Carry the background into the foreground along rows."""
     height, width = disparity.shape
     for y in nb.prange(height):
-        carry = np.zeros(8, np.float32)
+        carry = np.zeros(15, np.float32)
         first = 0 if forward else width - 1
         step = 1 if forward else -1
         d_before = disparity[y, first]
-        for c in range(3):
-            carry[5 + c] = np.float32(rgb[y, first, c])
         for n in range(width):
             x = first + n * step
             d = disparity[y, x]
@@ -103,12 +111,9 @@ def sweep_columns(disparity, rgb, reach_px, jump, forward, found):
     for lane in nb.prange(lanes):
         x0 = lane * LANE_PX
         x1 = min(x0 + LANE_PX, width)
-        carry = np.zeros((LANE_PX, 8), np.float32)
+        carry = np.zeros((LANE_PX, 15), np.float32)
         first = 0 if forward else height - 1
         step = 1 if forward else -1
-        for x in range(x0, x1):
-            for c in range(3):
-                carry[x - x0, 5 + c] = np.float32(rgb[first, x, c])
         y_before = first
         for n in range(height):
             y = first + n * step
@@ -218,22 +223,20 @@ def _split(position, last):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def mark_tiles(positions, lowest, hidden_positions, held):
+def mark_tiles(positions, lowest, hidden_positions, underlap, held):
     """Mark the places that hold a texel."""
     height, width = positions.shape
     last = held.shape[0] - 1
     for y in nb.prange(height):
         for x in range(width):
             behind, alpha = _split(positions[y, x], last)
-            under = lowest[y, x] < np.float32(behind) and behind > 0
-            if alpha < 255 or under:
+            top = max(min(behind, int(lowest[y, x])), behind - underlap)
+            if alpha < 255 or top < behind:
                 _mark(held, behind, x, y)
             if alpha > 0:
                 _mark(held, behind + 1, x, y)
-            top = behind
-            if under:
-                _mark(held, behind - 1, x, y)
-                top = behind - 1
+            for plane in range(top, behind):
+                _mark(held, plane, x, y)
             if hidden_positions[y, x] >= np.float32(0.0):
                 deep, deep_alpha = _split(hidden_positions[y, x], last)
                 if deep + 1 < top:
@@ -243,23 +246,21 @@ def mark_tiles(positions, lowest, hidden_positions, held):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def fill_tiles(positions, lowest, hidden_positions, rgb, hidden_rgb, index, texels):
+def fill_tiles(positions, lowest, hidden_positions, underlap, rgb, hidden_rgb, index, texels):
     """Write the texels; the same cases as `mark_tiles`."""
     height, width = positions.shape
     last = index.shape[0] - 1
     for y in nb.prange(height):
         for x in range(width):
             behind, alpha = _split(positions[y, x], last)
-            under = lowest[y, x] < np.float32(behind) and behind > 0
+            top = max(min(behind, int(lowest[y, x])), behind - underlap)
             r, g, b = rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2]
-            if alpha < 255 or under:
+            if alpha < 255 or top < behind:
                 _put(texels, index, behind, x, y, r, g, b, 255)
             if alpha > 0:
                 _put(texels, index, behind + 1, x, y, r, g, b, alpha)
-            top = behind
-            if under:
-                _put(texels, index, behind - 1, x, y, r, g, b, 255)
-                top = behind - 1
+            for plane in range(top, behind):
+                _put(texels, index, plane, x, y, r, g, b, 255)
             if hidden_positions[y, x] >= np.float32(0.0):
                 deep, deep_alpha = _split(hidden_positions[y, x], last)
                 if deep + 1 < top:

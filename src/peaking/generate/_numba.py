@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 
 from peaking.generate import _kernels
+from peaking.generate._numpy import SMOOTH_PX
 from peaking.mpi import tile_grid
 
 
@@ -18,6 +19,7 @@ def layers(
     reach_px: float,
     jump_per_m: float,
     underlap_px: int,
+    underlap_planes: int,
 ) -> tuple[Int32[np.ndarray, "tiles 3"], UInt8[np.ndarray, "tiles 16 16 4"]]:
     """Split a picture into layers; return the places of the tiles and the tiles."""
     height, width = disparity.shape
@@ -34,12 +36,14 @@ def layers(
     hidden_positions[hidden == 0] = -1.0
 
     held = np.zeros((len(ladder), *tile_grid(width, height)), np.bool_)
-    _kernels.mark_tiles(positions, lowest, hidden_positions, held)
+    _kernels.mark_tiles(positions, lowest, hidden_positions, underlap_planes, held)
     places = np.argwhere(held).astype(np.int32)
     index = np.full(held.shape, -1, np.int32)
     index[held] = np.arange(len(places), dtype=np.int32)
     texels = np.zeros((len(places), 256), np.uint32)
-    _kernels.fill_tiles(positions, lowest, hidden_positions, rgb, hidden_rgb, index, texels)
+    _kernels.fill_tiles(
+        positions, lowest, hidden_positions, underlap_planes, rgb, hidden_rgb, index, texels
+    )
     return places, texels.view(np.uint8).reshape(-1, 16, 16, 4)
 
 
@@ -60,4 +64,17 @@ def continued_background(
     hidden = np.empty_like(disparity)
     hidden_rgb = np.zeros_like(rgb)
     _kernels.join_sweeps(found, jump, hidden, hidden_rgb)
-    return hidden, hidden_rgb
+    return hidden, smoothed(hidden_rgb, hidden > 0)
+
+
+def smoothed(
+    rgb: UInt8[np.ndarray, "h w 3"], held: Bool[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Average the held pixels over squares of `_numpy.SMOOTH_PX`; the others do not count."""
+    side = (SMOOTH_PX, SMOOTH_PX)
+    total = cv2.boxFilter(rgb, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    count = cv2.boxFilter(
+        held.view(np.uint8), cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+    mean = total / np.maximum(count, 1.0)[..., None] + np.float32(0.5)
+    return np.where(held[..., None], mean, 0.0).astype(np.uint8)

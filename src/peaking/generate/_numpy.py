@@ -12,6 +12,12 @@ from peaking.mpi import Mpi
 COLOUR_RATE = 0.25
 """How fast the colour that is carried on follows the surface before the edge, per pixel."""
 
+LAG_PX = 2
+"""Pixels before an edge that do not count for its colour: they are mixtures of both sides."""
+
+SMOOTH_PX = 5
+"""Side of the square over which the continued background is smoothed."""
+
 
 def layers(
     rgb: UInt8[np.ndarray, "h w 3"],
@@ -21,19 +27,21 @@ def layers(
     reach_px: float,
     jump_per_m: float,
     underlap_px: int,
+    underlap_planes: int,
 ) -> tuple[Int32[np.ndarray, "tiles 3"], UInt8[np.ndarray, "tiles 16 16 4"]]:
     """Split a picture into layers; return the places of the tiles and the tiles."""
     height, width = disparity.shape
     planes = np.zeros((len(ladder), height, width, 4), np.uint8)
     behind, opacity = split(disparity, ladder)
-    under = (lowest_around(behind, underlap_px) < behind) & (behind > 0)
-    put(planes, behind, (opacity < 255) | under, rgb, np.full_like(opacity, 255))
+    lowest = np.maximum(lowest_around(behind, underlap_px), behind - underlap_planes)
+    put(planes, behind, (opacity < 255) | (lowest < behind), rgb, np.full_like(opacity, 255))
     put(planes, behind + 1, opacity > 0, rgb, opacity)
-    put(planes, behind - 1, under, rgb, np.full_like(opacity, 255))
+    for below in range(1, underlap_planes + 1):
+        put(planes, behind - below, behind - below >= lowest, rgb, np.full_like(opacity, 255))
 
     hidden, hidden_rgb = continued_background(rgb, disparity, reach_px, jump_per_m)
     deep, deep_opacity = split(np.where(hidden > 0, hidden, ladder[0]), ladder)
-    free = (hidden > 0) & (deep + 1 < np.where(under, behind - 1, behind))
+    free = (hidden > 0) & (deep + 1 < lowest)
     put(planes, deep, free, hidden_rgb, np.full_like(opacity, 255))
     put(planes, deep + 1, free & (deep_opacity > 0), hidden_rgb, deep_opacity)
 
@@ -107,7 +115,19 @@ def continued_background(
     norm = np.where(total > 0, total, 1.0)
     hidden = (weight * carried).sum(axis=0) / norm
     hidden_rgb = (weight[..., None] * found[..., 2:]).sum(axis=0) / norm[..., None]
-    return hidden, np.floor(hidden_rgb + 0.5).astype(np.uint8)
+    return hidden, smoothed(np.floor(hidden_rgb + 0.5), hidden > 0)
+
+
+def smoothed(
+    rgb: Float64[np.ndarray, "h w 3"], held: Bool[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Average the held pixels over squares of `SMOOTH_PX`; the others do not count."""
+    half, side = SMOOTH_PX // 2, (SMOOTH_PX, SMOOTH_PX)
+    padded = np.pad(np.where(held[..., None], rgb, 0.0), ((half, half), (half, half), (0, 0)))
+    total = sliding_window_view(padded, side, axis=(0, 1)).sum(axis=(-2, -1))
+    count = sliding_window_view(np.pad(held, half), side).sum(axis=(-2, -1))
+    mean = total / np.maximum(count, 1)[..., None]
+    return np.where(held[..., None], np.floor(mean + 0.5), 0.0).astype(np.uint8)
 
 
 def carry_line(
@@ -119,7 +139,8 @@ def carry_line(
     """Carry the background on along one line of pixels.
 
     At a step towards the camera (more than `jump_per_m` of disparity between two pixels) the
-    surface before it is taken along: its disparity and its running mean colour. It is dropped
+    surface before it is taken along: its disparity and its running mean colour, `LAG_PX` before
+    the edge. It is dropped
     where it comes to light again, or once it has gone `reach_px` times the difference of the
     disparities, which is how far a camera that moves by the reach can look behind the edge.
 
@@ -128,16 +149,19 @@ def carry_line(
     """
     found = np.zeros((len(disparity), 5))
     carried, steps, carried_rgb = 0.0, 0, np.zeros(3)
-    surface_rgb = rgb[0].copy()
+    surface_rgb, crossed = rgb[0].copy(), 0
     before = disparity[0]
     for n, d in enumerate(disparity):
-        if d - before > jump_per_m:
-            carried, steps, carried_rgb = before, 0, surface_rgb.copy()
-            surface_rgb = rgb[n].copy()
-        elif before - d > jump_per_m:
+        if abs(d - before) > jump_per_m:
+            if d > before:
+                carried, steps, carried_rgb = before, 0, surface_rgb.copy()
+            crossed = 0
+        if crossed <= LAG_PX:
             surface_rgb = rgb[n].copy()
         else:
-            surface_rgb += COLOUR_RATE * (rgb[n] - surface_rgb)
+            rate = 1.0 if crossed == LAG_PX + 1 else COLOUR_RATE
+            surface_rgb += rate * (rgb[n - LAG_PX] - surface_rgb)
+        crossed += 1
         if carried > 0:
             steps += 1
             if d - carried <= jump_per_m or steps > reach_px * (d - carried):

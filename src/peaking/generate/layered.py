@@ -34,7 +34,9 @@ class Layered:
     jump_planes: float = 1.5
     """Jump of disparity that counts as a depth edge, in mean distances between planes."""
     underlap_px: int = 2
-    """How far a plane goes on below its nearer neighbour, in pixels."""
+    """How far a plane goes on below its nearer neighbours, in pixels."""
+    underlap_planes: int = 2
+    """How many planes go on below a nearer one."""
     backend: Literal["numpy", "numba"] = "numba"
 
     name = "layered"
@@ -42,8 +44,8 @@ class Layered:
     def __post_init__(self) -> None:
         if self.num_planes < 2:
             raise ValueError(f"need num_planes >= 2, got {self.num_planes}")
-        if self.reach_m < 0 or self.jump_planes <= 0 or self.underlap_px < 0:
-            raise ValueError(f"need reach_m >= 0, jump_planes > 0, underlap_px >= 0, got {self}")
+        if min(self.reach_m, self.underlap_px, self.underlap_planes) < 0 or self.jump_planes <= 0:
+            raise ValueError(f"need jump_planes > 0 and the rest >= 0, got {self}")
 
     def __call__(
         self,
@@ -78,5 +80,6 @@ class Layered:
             reach_px=reach_px,
             jump_per_m=float(jump),
             underlap_px=self.underlap_px,
+            underlap_planes=self.underlap_planes,
         )
         return Mpi(camera, 1.0 / ladder, places, texels, generator=self.name)
