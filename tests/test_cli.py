@@ -10,11 +10,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recordings import write_recording
 
 from peaking.cli import main
 from peaking.datasets.nerfstudio import open_recording
 from peaking.mpi_file import read_mpi
+from recordings import write_recording
 
 FLAGS = ["--pixels", "19200"]
 

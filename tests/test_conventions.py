@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recordings import write_recording
 
 from peaking.datasets.nerfstudio import open_recording
 from peaking.error_map import compare
@@ -17,6 +16,7 @@ from peaking.geometry import Camera, Pinhole, Rigid, source_from_target
 from peaking.mpi import CELL_PX, TILE_PX, Mpi, tile_grid
 from peaking.render import Rendering, render
 from peaking.render.blend import blend
+from recordings import write_recording
 
 PINHOLE = Pinhole(40, 30, 50.0, 50.0, 20.0, 15.0)
 HERE = Camera(PINHOLE, Rigid.identity())

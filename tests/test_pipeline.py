@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import write_recording
 
 from peaking.datasets.nerfstudio import Recording, open_recording
 from peaking.errors import PeakingError
 from peaking.pipeline import LocalLightField
 from peaking.presets import DEFAULT, PAPER, PRESETS, Options
 from peaking.timing import Stopwatch
+from recordings import write_recording
 
 SMALL = 160 * 120
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from peaking import mpi_file
+from peaking.align import align
 from peaking.bench.measure import Candidate, Result, machine, time_in_turn
 from peaking.bench.peers import bandwidth_bytes_per_ms, depth_anything_small, torch_layer_loop
 from peaking.datasets.nerfstudio import Recording
@@ -99,9 +100,11 @@ def run(
     def pick(n: int) -> Sample:
         return frames[n % len(frames)]
 
+    server = LocalLightField(replace(PRESETS["default"], num_planes=NUM_PLANES))
+
     def make(sample: Sample) -> Mpi:
-        depth_m = complete(_depth(sample.frame), sample.frame.rgb)
-        return generate(sample.frame.rgb, depth_m, sample.frame.camera)
+        """From what the phone sends to an MPI in metres: complete, layer, align."""
+        return server.mpi_of(sample.frame)
 
     completed = [complete(_depth(s.frame), s.frame.rgb) for s in frames]
     mpis = [make(s) for s in frames]
@@ -119,6 +122,7 @@ def run(
         field.see(small.rgb, small.camera)
 
     candidates = [
+        Candidate("align", lambda n: align(mpis[n % len(mpis)], _depth(pick(n).frame))),
         Candidate("complete", lambda n: complete(_depth(pick(n).frame), pick(n).frame.rgb)),
         Candidate("layers", layers),
         Candidate("generate", lambda n: make(pick(n))),

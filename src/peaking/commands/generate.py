@@ -28,7 +28,7 @@ class Generate:
     """Which frame, from 0."""
     codec: Literal["jpeg", "lossless"] = "jpeg"
     """How the tiles are stored."""
-    quality: int = 80
+    quality: int = 85
     """JPEG quality, 1…100."""
     method: MethodFlags = field(default_factory=MethodFlags)
 

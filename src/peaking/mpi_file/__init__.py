@@ -1,0 +1,180 @@
+"""The bytes of an `Mpi`, one format for disk and wire (`.mpi`).
+
+Layout, formulas and how to read it from other languages: docs/mpi-format.md. What is read may come
+from anywhere, so every length is checked before anything of that length is made.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int32
+
+from peaking.errors import MpiFileError
+from peaking.geometry import Camera
+from peaking.mpi import Mpi, tile_grid
+from peaking.mpi_file._header import MAX_HEADER_BYTES, Codec, Header
+from peaking.mpi_file._tiles import pack_texels, unpack_texels
+from peaking.output import write_atomically
+
+__all__ = ["Codec", "decode", "encode", "read_mpi", "write_mpi"]
+
+VERSION = 1
+MAX_FILE_BYTES = 256 * 2**20
+
+_MAGIC = b"PKMPI%c\r\n"
+_FIXED_BYTES = 16
+
+
+def encode(mpi: Mpi, *, codec: Codec = "jpeg", quality: int = 85) -> bytes:
+    """Return the bytes of an MPI.
+
+    Args:
+        mpi: What to write.
+        codec: "jpeg" for display: colour and alpha change a little (docs/mpi-format.md has
+            numbers). "lossless" gives every texel back, in three to four times the bytes.
+        quality: JPEG quality, 1…100; "lossless" has no use for it.
+
+    Raises:
+        ValueError: The codec or quality does not exist, tiles are outside the planes or not sorted,
+            the camera is not a rotation and a translation, or the format has no room for it.
+    """
+    if not 1 <= quality <= 100:
+        raise ValueError(f"need a quality of 1..100, got {quality}")
+    header = Header(
+        pinhole=mpi.camera.pinhole,
+        world_from_cam=mpi.camera.world_from_cam,
+        plane_depths_m=mpi.plane_depths_m,
+        generator=mpi.generator,
+        codec=codec,
+        num_tiles=len(mpi.texels),
+    )
+    header.check()
+    occupancy = _occupancy(mpi)
+    payload = pack_texels(mpi.texels, codec, header.atlas_cols, quality=quality)
+    json_bytes = header.to_json(len(occupancy), len(payload))
+    checksum = zlib.crc32(payload, zlib.crc32(occupancy, zlib.crc32(json_bytes)))
+    fixed = (
+        _MAGIC % VERSION + len(json_bytes).to_bytes(4, "little") + checksum.to_bytes(4, "little")
+    )
+    return b"".join([fixed, json_bytes, occupancy, payload])
+
+
+def decode(data: bytes) -> Mpi:
+    """Return the MPI whose bytes these are.
+
+    Raises:
+        MpiFileError: They are not a sound `.mpi` file of a version that is known here.
+    """
+    header_end = _check_frame(data)
+    try:
+        header, occupancy_bytes, payload_bytes = Header.from_json(data[_FIXED_BYTES:header_end])
+        header.check()
+    except ValueError as error:
+        raise MpiFileError(f"unsound header: {error}") from error
+    payload_start = header_end + occupancy_bytes
+    if payload_start + payload_bytes != len(data):
+        raise MpiFileError(
+            f"the header promises {payload_start + payload_bytes} bytes, got {len(data)}"
+        )
+    places = _places(data[header_end:payload_start], header)
+    texels = unpack_texels(data[payload_start:], header.codec, header.num_tiles, header.atlas_cols)
+    return Mpi(
+        camera=Camera(header.pinhole, header.world_from_cam),
+        plane_depths_m=header.plane_depths_m,
+        tile_places=places,
+        texels=texels,
+        generator=header.generator,
+    )
+
+
+def write_mpi(path: Path, mpi: Mpi, *, codec: Codec = "jpeg", quality: int = 85) -> None:
+    """Write an MPI so that the file is there in full or not at all.
+
+    Raises:
+        ValueError: As in `encode`.
+        OutputError: The path is a folder, cannot be written to, or the disk is full.
+    """
+    write_atomically(path, encode(mpi, codec=codec, quality=quality))
+
+
+def read_mpi(path: Path) -> Mpi:
+    """Read what `write_mpi` wrote.
+
+    Raises:
+        MpiFileError: The file cannot be read, or as in `decode`; the message names the file.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise MpiFileError(
+            f"{path}: cannot be read ({os.strerror(error.errno or 0)}); give an .mpi file"
+        ) from error
+    try:
+        return decode(data)
+    except MpiFileError as error:
+        raise MpiFileError(f"{path}: {error}") from error
+
+
+def _check_frame(data: bytes) -> int:
+    """Check what surrounds the content; return where the header ends."""
+    start = data[:8]
+    if len(start) < 8 or start[:5] != _MAGIC[:5] or start[6:] != b"\r\n":
+        raise MpiFileError("not an .mpi file (it does not begin with PKMPI)")
+    if start[5] != VERSION:
+        raise MpiFileError(
+            f"format version {start[5]}, and this program reads version {VERSION}; "
+            "use the program that wrote it, or write it again"
+        )
+    if len(data) > MAX_FILE_BYTES:
+        raise MpiFileError(f"need at most {MAX_FILE_BYTES} bytes, got {len(data)}")
+    if len(data) < _FIXED_BYTES:
+        raise MpiFileError(f"broken off after {len(data)} bytes")
+    header_bytes = int.from_bytes(data[8:12], "little")
+    if header_bytes > MAX_HEADER_BYTES:
+        raise MpiFileError(f"need a header of at most {MAX_HEADER_BYTES} bytes, got {header_bytes}")
+    if _FIXED_BYTES + header_bytes > len(data):
+        raise MpiFileError(f"broken off inside the header, after {len(data)} bytes")
+    if zlib.crc32(memoryview(data)[_FIXED_BYTES:]) != int.from_bytes(data[12:16], "little"):
+        raise MpiFileError("damaged or broken off (the checksum differs); fetch or write it again")
+    return _FIXED_BYTES + header_bytes
+
+
+def _grid(header: Header) -> tuple[int, int, int]:
+    return (len(header.plane_depths_m), *tile_grid(*header.pinhole.size_px))
+
+
+def _occupancy(mpi: Mpi) -> bytes:
+    """Return one bit per place, set where there is a tile."""
+    grid = (mpi.num_planes, *tile_grid(*mpi.camera.pinhole.size_px))
+    places = mpi.tile_places
+    if (places < 0).any() or (places >= np.array(grid)).any():
+        raise ValueError(f"need tile_places inside planes, rows, cols = {grid}")
+    flat = np.ravel_multi_index((places[:, 0], places[:, 1], places[:, 2]), grid)
+    if (np.diff(flat) <= 0).any():
+        raise ValueError("need tile_places sorted by (plane, row, column), each place once")
+    held = np.zeros(int(np.prod(grid)), dtype=bool)
+    held[flat] = True
+    return np.packbits(held).tobytes()
+
+
+def _places(occupancy: bytes, header: Header) -> Int32[np.ndarray, "tiles 3"]:
+    """Return plane, row and column of every set bit."""
+    grid = _grid(header)
+    num_places = int(np.prod(grid))
+    if len(occupancy) != -(-num_places // 8):
+        raise MpiFileError(
+            f"need {-(-num_places // 8)} bytes of occupancy for {grid} places, got {len(occupancy)}"
+        )
+    packed = np.frombuffer(occupancy, dtype=np.uint8)
+    num_set = int(np.bitwise_count(packed).sum())
+    if num_set != header.num_tiles:
+        raise MpiFileError(f"the header promises {header.num_tiles} tiles, {num_set} bits are set")
+    flat = np.flatnonzero(np.unpackbits(packed))
+    if len(flat) and flat[-1] >= num_places:
+        raise MpiFileError("bits are set after the last place")
+    return np.stack(np.unravel_index(flat, grid), axis=-1).astype(np.int32)
