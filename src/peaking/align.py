@@ -81,11 +81,18 @@ def align(
 ) -> Alignment:
     """Compare an MPI, seen from where it was photographed, with metric depth of any size.
 
+    The MPI is looked at with the pixels of the depth map, or with its own if these are fewer.
+
     Raises:
         NothingToAlign: No pixel has both.
     """
-    disparity, alpha = source_disparity(mpi, backend=backend)
-    disparity = np.where(alpha >= LEAST_ALPHA, disparity, 0.0).astype(np.float32)
     height, width = metric_depth_m.shape
-    at_depth_size = cv2.resize(disparity, (width, height), interpolation=cv2.INTER_NEAREST)
-    return alignment(at_depth_size, metric_depth_m, method=method)
+    mpi_width, mpi_height = mpi.camera.pinhole.size_px
+    if width > mpi_width or height > mpi_height:
+        width, height = mpi_width, mpi_height
+        metric_depth_m = cv2.resize(
+            metric_depth_m, (width, height), interpolation=cv2.INTER_NEAREST
+        ).astype(np.float32)
+    disparity, alpha = source_disparity(mpi, (width, height), backend=backend)
+    disparity = np.where(alpha >= LEAST_ALPHA, disparity, np.float32(0.0))
+    return alignment(disparity, metric_depth_m, method=method)

@@ -77,7 +77,7 @@ def _step(d, d_before, r, g, b, carry, reach_px, jump):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def sweep_rows(disparity, rgb, reach_px, jump, forward, found):
+def sweep_rows(disparity, rgb, reach_px, jump, forward, found, found_rest):
     """Carry the background into the foreground along rows."""
     height, width = disparity.shape
     for y in nb.prange(height):
@@ -99,12 +99,14 @@ def sweep_rows(disparity, rgb, reach_px, jump, forward, found):
                 jump,
             )
             d_before = d
-            for c in range(5):
-                found[y, x, c] = carry[c]
+            found[y, x] = carry[0]
+            if carry[0] > np.float32(0.0):
+                for c in range(4):
+                    found_rest[y, x, c] = carry[1 + c]
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def sweep_columns(disparity, rgb, reach_px, jump, forward, found):
+def sweep_columns(disparity, rgb, reach_px, jump, forward, found, found_rest):
     """Carry the background into the foreground along columns."""
     height, width = disparity.shape
     lanes = (width + LANE_PX - 1) // LANE_PX
@@ -128,46 +130,76 @@ def sweep_columns(disparity, rgb, reach_px, jump, forward, found):
                     reach_px,
                     jump,
                 )
-                for c in range(5):
-                    found[y, x, c] = carry[x - x0, c]
+                found[y, x] = carry[x - x0, 0]
+                if carry[x - x0, 0] > np.float32(0.0):
+                    for c in range(4):
+                        found_rest[y, x, c] = carry[x - x0, 1 + c]
             y_before = y
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def join_sweeps(found, jump, hidden_disparity, hidden_rgb):
-    """Join the four sweeps: the disparity of the nearest edge, the colours of all that agree."""
+def join_sweeps(found, found_rest, jump, hidden_disparity, hidden_rgb):
+    """Join the four sweeps: the disparity of the nearest edge, the colours of all that agree.
+
+    `found` is the disparity behind each pixel, 0 = none; `found_rest` is steps, red, green, blue,
+    and only written where there is one.
+    """
     height, width = hidden_disparity.shape
     for y in nb.prange(height):
         for x in range(width):
             best = -1
             steps = np.float32(1e9)
             for s in range(4):
-                if found[s, y, x, 0] > np.float32(0.0) and found[s, y, x, 1] < steps:
-                    steps = found[s, y, x, 1]
+                if found[s, y, x] > np.float32(0.0) and found_rest[s, y, x, 0] < steps:
+                    steps = found_rest[s, y, x, 0]
                     best = s
             if best < 0:
                 hidden_disparity[y, x] = np.float32(0.0)
                 continue
-            at = found[best, y, x, 0]
+            at = found[best, y, x]
             total = np.float32(0.0)
             d_sum = np.float32(0.0)
             r = np.float32(0.0)
             g = np.float32(0.0)
             b = np.float32(0.0)
             for s in range(4):
-                d = found[s, y, x, 0]
+                d = found[s, y, x]
                 if d > np.float32(0.0) and abs(d - at) <= jump:
-                    weight = np.float32(1.0) / found[s, y, x, 1]
+                    weight = np.float32(1.0) / found_rest[s, y, x, 0]
                     total += weight
                     d_sum += weight * d
-                    r += weight * found[s, y, x, 2]
-                    g += weight * found[s, y, x, 3]
-                    b += weight * found[s, y, x, 4]
+                    r += weight * found_rest[s, y, x, 1]
+                    g += weight * found_rest[s, y, x, 2]
+                    b += weight * found_rest[s, y, x, 3]
             norm = np.float32(1.0) / total
             hidden_disparity[y, x] = d_sum * norm
             hidden_rgb[y, x, 0] = np.uint8(r * norm + np.float32(0.5))
             hidden_rgb[y, x, 1] = np.uint8(g * norm + np.float32(0.5))
             hidden_rgb[y, x, 2] = np.uint8(b * norm + np.float32(0.5))
+
+
+@nb.njit(cache=True, fastmath=True, parallel=True)
+def smooth_hidden(hidden_disparity, hidden_rgb, radius, smooth_rgb):
+    """Average the colours of the pixels that have something behind them, over a square."""
+    height, width = hidden_disparity.shape
+    for y in nb.prange(height):
+        for x in range(width):
+            if hidden_disparity[y, x] == np.float32(0.0):
+                continue
+            r = 0
+            g = 0
+            b = 0
+            count = 0
+            for j in range(max(y - radius, 0), min(y + radius + 1, height)):
+                for i in range(max(x - radius, 0), min(x + radius + 1, width)):
+                    if hidden_disparity[j, i] > np.float32(0.0):
+                        r += hidden_rgb[j, i, 0]
+                        g += hidden_rgb[j, i, 1]
+                        b += hidden_rgb[j, i, 2]
+                        count += 1
+            smooth_rgb[y, x, 0] = (2 * r + count) // (2 * count)
+            smooth_rgb[y, x, 1] = (2 * g + count) // (2 * count)
+            smooth_rgb[y, x, 2] = (2 * b + count) // (2 * count)
 
 
 @nb.njit(cache=True, fastmath=True, inline="always")

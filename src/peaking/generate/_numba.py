@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32, UInt8
 
 from peaking.generate import _kernels
 from peaking.generate._numpy import SMOOTH_PX
@@ -56,25 +56,19 @@ def continued_background(
     """Continue the background behind depth edges; disparity 0 where nothing is behind."""
     height, width = disparity.shape
     reach, jump = np.float32(reach_px), np.float32(jump_per_m)
-    found = np.empty((4, height, width, 5), np.float32)
-    _kernels.sweep_rows(disparity, rgb, reach, jump, True, found[0])
-    _kernels.sweep_rows(disparity, rgb, reach, jump, False, found[1])
-    _kernels.sweep_columns(disparity, rgb, reach, jump, True, found[2])
-    _kernels.sweep_columns(disparity, rgb, reach, jump, False, found[3])
+    found = np.empty((4, height, width), np.float32)
+    found_rest = np.empty((4, height, width, 4), np.float32)
+    sweeps = (
+        (_kernels.sweep_rows, True),
+        (_kernels.sweep_rows, False),
+        (_kernels.sweep_columns, True),
+        (_kernels.sweep_columns, False),
+    )
+    for n, (sweep, forward) in enumerate(sweeps):
+        sweep(disparity, rgb, reach, jump, forward, found[n], found_rest[n])
     hidden = np.empty_like(disparity)
     hidden_rgb = np.zeros_like(rgb)
-    _kernels.join_sweeps(found, jump, hidden, hidden_rgb)
-    return hidden, smoothed(hidden_rgb, hidden > 0)
-
-
-def smoothed(
-    rgb: UInt8[np.ndarray, "h w 3"], held: Bool[np.ndarray, "h w"]
-) -> UInt8[np.ndarray, "h w 3"]:
-    """Average the held pixels over squares of `_numpy.SMOOTH_PX`; the others do not count."""
-    side = (SMOOTH_PX, SMOOTH_PX)
-    total = cv2.boxFilter(rgb, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
-    count = cv2.boxFilter(
-        held.view(np.uint8), cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
-    mean = total / np.maximum(count, 1.0)[..., None] + np.float32(0.5)
-    return np.where(held[..., None], mean, 0.0).astype(np.uint8)
+    _kernels.join_sweeps(found, found_rest, jump, hidden, hidden_rgb)
+    smooth_rgb = np.zeros_like(rgb)
+    _kernels.smooth_hidden(hidden, hidden_rgb, SMOOTH_PX // 2, smooth_rgb)
+    return hidden, smooth_rgb

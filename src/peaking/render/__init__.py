@@ -97,20 +97,26 @@ def render(
 
 
 def source_disparity(
-    mpi: Mpi, *, backend: Backend = "numba"
+    mpi: Mpi, size_px: tuple[int, int] | None = None, *, backend: Backend = "numba"
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
     """Return disparity (1/m) and alpha of an MPI seen from where it was photographed.
 
     Each plane's disparity takes the place of its colour (D̂ of the paper, equation 2); the sum is
     divided by the alpha, since planes need not be opaque together.
+
+    Args:
+        mpi: What to look at.
+        size_px: Width and height of the result, else those of the MPI.
+        backend: Which implementation.
     """
-    homographies, _ = plane_homographies(mpi, mpi.camera)
+    camera = mpi.camera.resized(*(size_px or mpi.camera.pinhole.size_px))
+    homographies, _ = plane_homographies(mpi, camera)
     nothing = np.zeros(mpi.num_planes)
     if backend == "numpy":
         from peaking.render import _numpy as module
     else:
         from peaking.render import _numba as module
     rgba, disparity = module.render(
-        mpi, homographies, nothing, 1.0 / mpi.plane_depths_m, mpi.camera.pinhole.size_px
+        mpi, homographies, nothing, 1.0 / mpi.plane_depths_m, camera.pinhole.size_px
     )
     return disparity, rgba[..., 3]
