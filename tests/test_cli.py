@@ -89,6 +89,18 @@ def test_replay_writes_all_it_promises(
     assert said.strip().splitlines()[-1] == f"report: {(out / 'report.html').resolve()}"
 
 
+def test_replay_of_the_sample_scene(tmp_path: Path) -> None:
+    """Forty frames, 60 cm to the right: some views are needed, and far fewer than all."""
+    desk, out = Path(__file__).parent.parent / "scenes/desk", tmp_path / "out"
+    main(["replay", str(desk), "--out", str(out), "--max-frames", "40", "--no-video"])
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["frames"] == 40
+    assert 3 <= summary["captured"] <= 12
+    assert summary["mean_peaked_share"] < 0.0428
+    assert summary["size_px"] == [294, 639]
+    assert len(open_recording(out / "captured")) == summary["captured"]
+
+
 def test_the_captured_views_can_be_replayed_again(room: Path, tmp_path: Path) -> None:
     main(["replay", str(room), "--out", str(tmp_path / "a"), "--no-video", *FLAGS])
     main(
