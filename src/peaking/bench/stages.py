@@ -100,11 +100,10 @@ def run(
     def pick(n: int) -> Sample:
         return frames[n % len(frames)]
 
-    server = LocalLightField(replace(PRESETS["default"], num_planes=NUM_PLANES))
-
     def make(sample: Sample) -> Mpi:
-        """From what the phone sends to an MPI in metres: complete, layer, align."""
-        return server.mpi_of(sample.frame)
+        """From the picture and the depth that the phone sends to an MPI: complete, and layers."""
+        depth_m = complete(_depth(sample.frame), sample.frame.rgb)
+        return generate(sample.frame.rgb, depth_m, sample.frame.camera)
 
     completed = [complete(_depth(s.frame), s.frame.rgb) for s in frames]
     mpis = [make(s) for s in frames]
@@ -121,6 +120,12 @@ def run(
         small = field.prepare(frames[k].read())
         field.see(small.rgb, small.camera)
 
+    def render_one(n: int) -> object:
+        """Render one of the three views that `see_three` renders together, each in its turn."""
+        k = n % len(frames)
+        views = fields["default"][k].views
+        return render(views[(n // len(frames)) % len(views)], frames[k].later.camera)
+
     candidates = [
         Candidate("align", lambda n: align(mpis[n % len(mpis)], _depth(pick(n).frame))),
         Candidate("complete", lambda n: complete(_depth(pick(n).frame), pick(n).frame.rgb)),
@@ -128,17 +133,18 @@ def run(
         Candidate("generate", lambda n: make(pick(n))),
         Candidate("encode", lambda n: mpi_file.encode(mpis[n % len(mpis)])),
         Candidate("decode", lambda n: mpi_file.decode(files[n % len(files)])),
-        Candidate("render_one", lambda n: render(mpis[n % len(mpis)], pick(n).later.camera)),
+        Candidate("render_one", render_one),
         Candidate("see_three", lambda n: _see(fields["default"], frames, n)),
         Candidate("see_three_paper", lambda n: _see(fields["paper"], frames, n)),
         Candidate("replay_frame", replay_frame),
     ]
     if with_peers:
-        loops = [torch_layer_loop(mpi) for mpi in mpis]
+        loops = [[torch_layer_loop(view) for view in field.views] for field in fields["default"]]
         forward = depth_anything_small()
 
         def loop(n: int) -> object:
-            return loops[n % len(loops)](pick(n).later.camera)
+            mine = loops[n % len(loops)]
+            return mine[(n // len(frames)) % len(mine)](pick(n).later.camera)
 
         def estimate(_: int) -> object:
             return forward()

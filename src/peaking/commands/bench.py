@@ -27,7 +27,7 @@ class Bench:
     """Recordings with depth to take frames from; without any, the sample scene."""
     json: Path | None = None
     """Write the results to this file."""
-    rounds: int = 30
+    rounds: int = 54
     """How often each stage is timed."""
     no_peers: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Leave out the peers that need PyTorch and transformers (the extra `torch`)."""

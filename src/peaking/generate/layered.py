@@ -35,7 +35,7 @@ class Layered:
     """Jump of disparity that counts as a depth edge, in mean distances between planes."""
     underlap_px: int = 2
     """How far a plane goes on below its nearer neighbours, in pixels."""
-    underlap_planes: int = 2
+    underlap_planes: int = 1
     """How many planes go on below a nearer one."""
     backend: Literal["numpy", "numba"] = "numba"
 
