@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,6 +11,10 @@ from typing import Annotated, Literal
 import tyro
 
 from peaking.commands.options import MethodFlags
+
+STARTING = "starting (the first run compiles for half a minute)"
+COMPILED_AFTER = 2
+"""The first frame is captured and the second one looked at: by then all kernels are there."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +72,16 @@ class Replay:
             fps=self.fps,
             with_video=not self.no_video,
         )
-        bar = tqdm(range(plan.num_frames), desc="replay", unit="frame")
+        bar = tqdm(range(plan.num_frames), desc=STARTING, unit="frame")
+
+        def shown(_: Iterable[int]) -> Iterator[int]:
+            for index in bar:
+                if index == COMPILED_AFTER:
+                    bar.set_description("replay")
+                yield index
+
         with bar:
-            summary = replay(plan, self.out, progress=lambda _: bar)
+            summary = replay(plan, self.out, progress=shown)
         mean = summary.mean_peaked_share
         share = "" if mean is None else f", {mean:.2%} of the pixels red on average"
         print(f"captured {summary.captured} of {summary.frames} frames{share}")
