@@ -177,6 +177,27 @@ def test_a_recording_that_breaks_off_leaves_nothing(
     assert not out.parent.exists()
 
 
+def test_a_disk_that_the_video_fills_gets_one_sentence(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "bin/ffmpeg"
+    program.parent.mkdir()
+    program.write_text(
+        "#!/bin/sh\n"
+        "case \"$*\" in *-encoders*) echo ' V..... libx264 H.264'; exit 0;; esac\n"
+        "head -c 100 >/dev/null\n"
+        "echo 'Error writing trailer: No space left on device' >&2\n"
+        "echo 'Error closing file: No space left on device' >&2\n"
+        "exit 1\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
+    out = tmp_path / "out"
+    line = fails(["replay", str(room), "--out", str(out), *FLAGS], capsys)
+    assert line.startswith("peaking: overlay.mp4: no room on the disk; free some space")
+    assert not out.exists()
+
+
 def test_a_recording_without_depth_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,6 +6,7 @@ A program of its own rather than a library: the wheels that carry an H.264 encod
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import shutil
@@ -235,7 +236,9 @@ class VideoWriter:
 
     def _failure(self, said: str | None) -> str:
         # The name alone: the folder may be one that gets its real name when all is done.
-        reason = said or "no reason given"
+        if said and os.strerror(errno.ENOSPC) in said:
+            return f"{self.path.name}: no room on the disk; free some space or write to another one"
+        reason = " / ".join((said or "no reason given").splitlines())
         return f"{self.path.name}: ffmpeg stopped after {self.frames} frames: {reason}"
 
 
