@@ -9,8 +9,9 @@ from peaking.error_map import Comparison, compare, exposure_gain
 from peaking.overlay import ERROR_RGB, draw, mpi_over_black, peaks_on_mpi, peaks_on_video
 from peaking.render import Backend, Rendering
 
-AGREEMENT = 2e-5
-"""float32 against float64, errors up to 3; worst measured 2e-6 over 100 random cases."""
+AGREEMENT = 2e-6
+"""float32 against float64, errors up to 3; worst measured 4.8e-7 over 800 random cases,
+x86-64, November 2026."""
 
 both = pytest.mark.parametrize("backend", ("numpy", "numba"))
 

@@ -89,7 +89,8 @@ def test_weights_sum_to_one_and_fall_with_distance(xs: list[float], x: float, co
 
 
 def test_no_view_jumps_in_or_out_while_the_target_moves() -> None:
-    """Each view's share changes by little over a step of 1 mm; the paper's jumps by up to 0.2."""
+    """Each view's share changes by little over a step of 1 mm; measured 0.016; the paper's
+    jump by up to 0.205."""
     cameras = [at(0.1 * k) for k in range(8)]
 
     def shares(x_m: float, paper: bool) -> np.ndarray:
@@ -109,4 +110,4 @@ def test_no_view_jumps_in_or_out_while_the_target_moves() -> None:
         for paper in (False, True)
     }
     assert jumps[True] > 0.15
-    assert jumps[False] < 0.08
+    assert jumps[False] < 0.03

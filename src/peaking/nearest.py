@@ -19,6 +19,9 @@ LEAST_OVERLAP = 0.05
 CLOSE_M = 0.002
 """Distances below this are all the same: it is what phones' tracking jitters by."""
 
+CANDIDATES = 64
+"""So many of the closest views are looked at, at least."""
+
 RANGE = 1.3
 """How much farther than the farthest chosen view the weights reach zero, when none is left over."""
 
@@ -81,8 +84,8 @@ def nearest_by_overlap(
     if not scene_depth_m > 0:
         raise ValueError(f"need scene_depth_m > 0, got {scene_depth_m}")
     distance_m = _distances_m(cameras, target, count)
-    # Views farther than the closest few hundred cannot win by overlap; keeps long sessions quick.
-    candidates = np.argsort(distance_m, kind="stable")[: max(64, 8 * count)]
+    # Only the closest are asked for their overlap: keeps long sessions quick.
+    candidates = np.argsort(distance_m, kind="stable")[: max(CANDIDATES, 8 * count)]
     overlap = overlap_shares([cameras[i] for i in candidates], target, scene_depth_m)
     cost_m = (distance_m[candidates] + CLOSE_M) / np.maximum(overlap, LEAST_OVERLAP)
     order = np.argsort(cost_m, kind="stable")

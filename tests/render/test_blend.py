@@ -9,7 +9,8 @@ from peaking.render import Backend
 from peaking.render.blend import Opacity, blend
 
 AGREEMENT = 2e-6
-"""float32 against float64; worst measured 4e-7 over 100 random cases."""
+"""float32 against float64; worst measured 4.8e-7 (depth; colours 1.8e-7) over 400
+random cases, x86-64, November 2026."""
 
 both = pytest.mark.parametrize("backend", ("numpy", "numba"))
 
