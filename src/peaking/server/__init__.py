@@ -1,0 +1,1 @@
+"""The server: takes captures in, makes MPIs, tells phones; see `docs/protocol.md`."""

@@ -1,0 +1,241 @@
+"""The wire, written once: what phones and the server say to each other.
+
+TypeScript is generated from this file (`make wire`), and a test fails when the generated file is
+stale. `docs/protocol.md` tells the story; `server/openapi.py` lists the addresses. Axes, pixels
+and units: CONVENTIONS.md. Phones turn WebXR's axes to OpenCV's before they send a pose.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+PROTOCOL = 1
+"""Goes up when an older client would misunderstand; both sides refuse another version."""
+
+Id = Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$")]
+"""Made by the client (`crypto.randomUUID()`), so that whatever is sent twice is kept once."""
+
+Name = Annotated[str, Meta(min_length=1, max_length=80)]
+"""What a person calls a session. It never becomes a path."""
+
+Size = Annotated[int, Meta(ge=1, le=8192)]
+Positive = Annotated[float, Meta(gt=0, le=1e6)]
+Share = Annotated[float, Meta(ge=0, le=1)]
+Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
+SourceKind = Literal["webxr", "virtual", "replay", "other"]
+MpiState = Literal["queued", "ready", "failed"]
+
+
+class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of everything on the wire: fields that are not known are refused."""
+
+
+class Pinhole(Struct):
+    """Intrinsics in pixels, corner origin."""
+
+    width_px: Size
+    height_px: Size
+    fx_px: Positive
+    fy_px: Positive
+    cx_px: Annotated[float, Meta(ge=-1e5, le=1e5)]
+    cy_px: Annotated[float, Meta(ge=-1e5, le=1e5)]
+
+
+Pose = Annotated[list[Metres], Meta(min_length=12, max_length=12)]
+"""world_from_cam, `[R | t]` row by row (12 numbers), OpenCV axes of the camera, metres."""
+
+
+class Camera(Struct):
+    """Where a picture was taken from, and how its pixels look out."""
+
+    pinhole: Pinhole
+    world_from_cam: Pose
+
+
+class DepthLayout(Struct):
+    """A depth map: 16-bit little-endian millimetres along +z, rows from the top, 0 = unknown.
+
+    It covers the same field of view as the photo.
+    """
+
+    width_px: Size
+    height_px: Size
+
+
+class CaptureHeader(Struct):
+    """The first part of an upload: what the bytes after it are.
+
+    An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth`.
+    """
+
+    protocol: int
+    camera: Camera
+    """Of the photo, at its full size."""
+    time_s: Annotated[float, Meta(ge=0, le=1e11)]
+    """When the shutter was pressed, seconds since 1970, by the phone's clock."""
+    photo_bytes: Annotated[int, Meta(ge=1, le=64_000_000)]
+    depth: DepthLayout | None = None
+
+
+class Capture(Struct):
+    """One captured view, as the server holds it."""
+
+    id: Id
+    number: int
+    """1, 2, 3 … in the order they arrived; never used again after an undo."""
+    camera: Camera
+    time_s: float
+    state: MpiState
+    """Whether its MPI can be fetched."""
+    mpi_bytes: int | None = None
+    problem: str | None = None
+    """When `failed`: why, and what to do about it."""
+    removed: bool = False
+    """Taken back by an undo; kept on the server's disk, but in no data set."""
+
+
+class NewSession(Struct):
+    """Begin a session, or find it again: POST /api/v1/sessions."""
+
+    id: Id
+    protocol: int
+    name: Name
+    source: SourceKind
+    device: Annotated[str, Meta(max_length=400)] = ""
+    """What the photographer's device calls itself."""
+
+
+class SessionChange(Struct):
+    """PATCH /api/v1/sessions/{session}; what is left out stays."""
+
+    name: Name | None = None
+    finished: bool | None = None
+
+
+class SessionSummary(Struct):
+    """One line of the list of sessions."""
+
+    id: Id
+    name: str
+    folder: str
+    """Its folder below the served one."""
+    source: SourceKind
+    device: str
+    created_s: float
+    finished: bool
+    captures: int
+    """Without the removed ones."""
+    ready: int
+    peaked_share: float | None
+    """The last one told."""
+    live: bool
+    """A phone is connected now."""
+
+
+class Session(Struct):
+    """A session with all its captures in order, removed ones too."""
+
+    summary: SessionSummary
+    captures: list[Capture]
+
+
+class PeakedSample(Struct):
+    """What the photographer saw at one moment: at most one a second."""
+
+    time_s: Annotated[float, Meta(ge=0, le=1e11)]
+    peaked_share: Share
+    missing_share: Share
+    views: Annotated[int, Meta(ge=0, le=1_000_000)]
+    world_from_cam: Pose
+
+
+class PeakedSamples(Struct):
+    """POST /api/v1/sessions/{session}/peaked, and the answer to a GET there."""
+
+    samples: Annotated[list[PeakedSample], Meta(max_length=100_000)]
+
+
+class Options(Struct):
+    """How a client renders and compares; the fields are those of `peaking.presets.Options`."""
+
+    pixels: int
+    num_planes: int
+    neighbours: int
+    weights: Literal["paper", "overlap"]
+    opacity: Literal["paper", "seen"]
+    error_threshold: float
+    shift_px: int
+    compensate_exposure: bool
+
+
+class ServerInfo(Struct):
+    """GET /api/v1/server: the first thing a client asks."""
+
+    protocol: int
+    version: str
+    options: Options
+    recordings: list[str]
+    """What can be played as the camera: GET /api/v1/recordings/{name}."""
+    warm: bool
+    """False while the server is still compiling: the first MPI then takes half a minute."""
+    max_upload_bytes: int
+
+
+class RecordedFrame(Struct):
+    """One frame of a recording that is played as the camera."""
+
+    camera: Camera
+    depth: DepthLayout | None
+
+
+class RecordingIndex(Struct):
+    """GET /api/v1/recordings/{name}.
+
+    Pictures are at `/api/v1/recordings/{name}/frames/{index}/photo` (JPEG or PNG), depths at
+    `…/depth` (as in `DepthLayout`).
+    """
+
+    name: str
+    fps: float
+    frames: list[RecordedFrame]
+
+
+class Problem(Struct):
+    """The body of every answer of 400 and above."""
+
+    problem: str
+    """A sentence: what is wrong and what to do."""
+
+
+# Server-sent events. Every stream begins with the whole state, so nothing is lost by reconnecting.
+
+
+class SessionState(Struct, tag="SessionState"):
+    """First event of /api/v1/sessions/{session}/events."""
+
+    session: Session
+
+
+class CaptureChanged(Struct, tag="CaptureChanged"):
+    """A capture was stored, its MPI got ready or failed, or it was removed."""
+
+    capture: Capture
+
+
+class SessionChanged(Struct, tag="SessionChanged"):
+    """Name, state or peaked share changed."""
+
+    summary: SessionSummary
+
+
+class SessionList(Struct, tag="SessionList"):
+    """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
+
+    sessions: list[SessionSummary]
+
+
+SessionEvent = SessionState | CaptureChanged | SessionChanged
+ServerEvent = SessionList | SessionChanged

@@ -1,0 +1,57 @@
+/**
+ * Where live pictures, depth and poses come from. Phone, virtual phone and recording are the same to
+ * the rest of the client.
+ *
+ * A callback, not an async iterator: WebXR's camera texture is only valid inside the callback.
+ */
+
+import type { Camera } from '../geometry';
+
+export type SourceKind = 'webxr' | 'virtual' | 'replay';
+
+/** Millimetres along +z, 0 = unknown, rows from the top; covers the picture's field of view. */
+export interface DepthMap {
+  readonly width_px: number;
+  readonly height_px: number;
+  readonly depth_mm: Uint16Array<ArrayBuffer>;
+}
+
+export interface Viewport {
+  readonly x: number;
+  readonly y: number;
+  readonly width: number;
+  readonly height: number;
+}
+
+/** One moment of the live picture. Valid only during the callback; the object is used again. */
+export interface LiveFrame {
+  /** Of `performance.now()`'s clock. */
+  readonly time_ms: number;
+  /** Of the live picture at its own size; null while tracking is lost. */
+  readonly camera: Camera | null;
+  /** The live picture, RGBA8 without alpha, **bottom row first** as GL has it; null when there is none. */
+  readonly image: WebGLTexture | null;
+  /** Where to draw. */
+  readonly framebuffer: WebGLFramebuffer | null;
+  readonly viewport: Viewport;
+  /** Depth of this very frame, resampled to the picture's field of view; null when there is none yet. */
+  depth(): DepthMap | null;
+}
+
+export interface FrameSource {
+  readonly kind: SourceKind;
+  /** For people: "ARCore camera", "virtual phone", "recording desk". */
+  readonly label: string;
+  /**
+   * Call `onFrame` for every frame until the signal aborts or the device ends the session; then
+   * resolve. Rejects with `SourceError` when it cannot begin.
+   */
+  run(
+    gl: WebGL2RenderingContext, onFrame: (frame: LiveFrame) => void, signal: AbortSignal,
+  ): Promise<void>;
+}
+
+/** A sentence for the photographer: what is wrong and what to do. */
+export class SourceError extends Error {
+  override readonly name = 'SourceError';
+}

@@ -1,0 +1,165 @@
+// Generated from src/peaking/server/wire.py by `make wire`; do not edit.
+/* eslint-disable */
+
+export const PROTOCOL = 1;
+
+/** Intrinsics in pixels, corner origin. */
+export interface Pinhole {
+  readonly width_px: number;
+  readonly height_px: number;
+  readonly fx_px: number;
+  readonly fy_px: number;
+  readonly cx_px: number;
+  readonly cy_px: number;
+}
+
+/** Where a picture was taken from, and how its pixels look out. */
+export interface Camera {
+  readonly pinhole: Pinhole;
+  readonly world_from_cam: readonly number[];
+}
+
+/** A depth map: 16-bit little-endian millimetres along +z, rows from the top, 0 = unknown. It covers the same field of view as the photo. */
+export interface DepthLayout {
+  readonly width_px: number;
+  readonly height_px: number;
+}
+
+/** The first part of an upload: what the bytes after it are. An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth`. */
+export interface CaptureHeader {
+  readonly protocol: number;
+  readonly camera: Camera;
+  readonly time_s: number;
+  readonly photo_bytes: number;
+  readonly depth?: DepthLayout | null;
+}
+
+/** One captured view, as the server holds it. */
+export interface Capture {
+  readonly id: string;
+  readonly number: number;
+  readonly camera: Camera;
+  readonly time_s: number;
+  readonly state: 'failed' | 'queued' | 'ready';
+  readonly mpi_bytes?: number | null;
+  readonly problem?: string | null;
+  readonly removed?: boolean;
+}
+
+/** Begin a session, or find it again: POST /api/v1/sessions. */
+export interface NewSession {
+  readonly id: string;
+  readonly protocol: number;
+  readonly name: string;
+  readonly source: 'other' | 'replay' | 'virtual' | 'webxr';
+  readonly device?: string;
+}
+
+/** PATCH /api/v1/sessions/{session}; what is left out stays. */
+export interface SessionChange {
+  readonly name?: string | null;
+  readonly finished?: boolean | null;
+}
+
+/** One line of the list of sessions. */
+export interface SessionSummary {
+  readonly id: string;
+  readonly name: string;
+  readonly folder: string;
+  readonly source: 'other' | 'replay' | 'virtual' | 'webxr';
+  readonly device: string;
+  readonly created_s: number;
+  readonly finished: boolean;
+  readonly captures: number;
+  readonly ready: number;
+  readonly peaked_share: number | null;
+  readonly live: boolean;
+}
+
+/** A session with all its captures in order, removed ones too. */
+export interface Session {
+  readonly summary: SessionSummary;
+  readonly captures: readonly Capture[];
+}
+
+/** What the photographer saw at one moment: at most one a second. */
+export interface PeakedSample {
+  readonly time_s: number;
+  readonly peaked_share: number;
+  readonly missing_share: number;
+  readonly views: number;
+  readonly world_from_cam: readonly number[];
+}
+
+/** POST /api/v1/sessions/{session}/peaked, and the answer to a GET there. */
+export interface PeakedSamples {
+  readonly samples: readonly PeakedSample[];
+}
+
+/** How a client renders and compares; the fields are those of `peaking.presets.Options`. */
+export interface Options {
+  readonly pixels: number;
+  readonly num_planes: number;
+  readonly neighbours: number;
+  readonly weights: 'overlap' | 'paper';
+  readonly opacity: 'paper' | 'seen';
+  readonly error_threshold: number;
+  readonly shift_px: number;
+  readonly compensate_exposure: boolean;
+}
+
+/** GET /api/v1/server: the first thing a client asks. */
+export interface ServerInfo {
+  readonly protocol: number;
+  readonly version: string;
+  readonly options: Options;
+  readonly recordings: readonly string[];
+  readonly warm: boolean;
+  readonly max_upload_bytes: number;
+}
+
+/** One frame of a recording that is played as the camera. */
+export interface RecordedFrame {
+  readonly camera: Camera;
+  readonly depth: DepthLayout | null;
+}
+
+/** GET /api/v1/recordings/{name}. Pictures are at `/api/v1/recordings/{name}/frames/{index}/photo` (JPEG or PNG), depths at `…/depth` (as in `DepthLayout`). */
+export interface RecordingIndex {
+  readonly name: string;
+  readonly fps: number;
+  readonly frames: readonly RecordedFrame[];
+}
+
+/** The body of every answer of 400 and above. */
+export interface Problem {
+  readonly problem: string;
+}
+
+/** First event of /api/v1/sessions/{session}/events. */
+export interface SessionState {
+  readonly type: 'SessionState';
+  readonly session: Session;
+}
+
+/** A capture was stored, its MPI got ready or failed, or it was removed. */
+export interface CaptureChanged {
+  readonly type: 'CaptureChanged';
+  readonly capture: Capture;
+}
+
+/** Name, state or peaked share changed. */
+export interface SessionChanged {
+  readonly type: 'SessionChanged';
+  readonly summary: SessionSummary;
+}
+
+/** First event of /api/v1/events, for the dashboard; `SessionChanged` follows. */
+export interface SessionList {
+  readonly type: 'SessionList';
+  readonly sessions: readonly SessionSummary[];
+}
+
+export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
+
+export type ServerEvent = SessionList | SessionChanged;

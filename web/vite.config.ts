@@ -1,0 +1,21 @@
+import { resolve } from 'node:path';
+import { defineConfig } from 'vite';
+
+const page = (name: string): string => resolve(import.meta.dirname, `${name}.html`);
+
+export default defineConfig({
+  base: './',
+  server: { proxy: { '/api': 'http://127.0.0.1:8000' } },
+  build: {
+    // The Python package serves it from here; not committed.
+    outDir: '../src/peaking/server/client',
+    emptyOutDir: true,
+    target: 'es2022',
+    chunkSizeWarningLimit: 900,
+    rollupOptions: {
+      input: { index: page('index'), check: page('check'), sessions: page('sessions') },
+    },
+  },
+  worker: { format: 'es' },
+  test: { include: ['tests/**/*.test.ts'] },
+} as Parameters<typeof defineConfig>[0]);
