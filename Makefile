@@ -1,32 +1,49 @@
 # All that people and CI call. `make demo` and `make test` do their own set-up.
-.PHONY: help install check fix test bench quality demo clean
+.PHONY: help install client wire check fix test bench quality demo replay clean
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3.11
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+CLIENT := src/peaking/server/client/index.html
+CLIENT_SOURCES := $(wildcard web/*.html web/*.json web/*.ts) $(shell find web/src -type f)
 
 help:  ## Show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-install: $(INSTALLED)  ## Make .venv with peaking on its path, and what the commands need
+install: $(INSTALLED) $(CLIENT)  ## Make .venv with peaking on its path, and what the commands need
 	@scripts/install_system_packages
 
 $(INSTALLED): pyproject.toml requirements.lock scripts/make_venv
 	@scripts/make_venv "$(PYTHON)"
 	@touch $@
 
-demo: install  ## Replay the sample scene; ends with the path of a report
-	@rm -rf out/demo
-	@$(BIN)/peaking replay scenes/desk --out out/demo
+$(CLIENT): $(INSTALLED) $(CLIENT_SOURCES) scripts/make_client
+	@scripts/make_client
+	@touch $@
 
-test: install check  ## Pass all checks and tests
+client: $(CLIENT)  ## Build the web client
+
+wire: $(INSTALLED)  ## Write the TypeScript twin of server/wire.py
+	@$(BIN)/python -m peaking.server.typescript > web/src/wire.ts
+
+demo: install  ## Start the server and open the virtual phone in the browser
+	@$(BIN)/peaking demo
+
+replay: install  ## Replay the sample scene; ends with the path of a report
+	@rm -rf out/replay
+	@$(BIN)/peaking replay scenes/desk --out out/replay
+
+test: install check  ## Pass all checks and tests, those in a real browser too
+	@scripts/install_browser
+	@scripts/with_node npm --prefix web run --silent test
 	@$(BIN)/pytest
 
 check: install  ## Check style and types
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/pyright
+	@scripts/with_node npm --prefix web run --silent check
 
 fix: install  ## Mend style where it can be done by itself
 	@$(BIN)/ruff check --fix
@@ -39,4 +56,4 @@ quality: install  ## Measure the MPI from one view against its peers, on the sam
 	@$(BIN)/peaking quality
 
 clean:  ## Remove what was made
-	rm -rf .venv out .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv out web/node_modules src/peaking/server/client .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,138 @@
+"""Time the client in headless Chromium: from the shutter to the first frame with the new MPI."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from peaking.errors import BackendUnavailable, ToolMissing
+
+CAPTURES = 12
+PATIENCE_MS = 120_000
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--enable-precise-memory-info",
+    "--js-flags=--expose-gc",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+
+
+def run(address: str) -> dict[str, object]:
+    """Shoot with the virtual phone of a running server.
+
+    Raises:
+        BackendUnavailable: playwright is not installed.
+        ToolMissing: There is no Chromium.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError as error:
+        raise BackendUnavailable(
+            "playwright is not installed; pip install playwright, or leave the browser out with "
+            "--no-browser"
+        ) from error
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=_browser_path(), headless=True, args=list(FLAGS)
+        )
+        page = browser.new_page(viewport={"width": 800, "height": 720})
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(f"{address}/?source=virtual", wait_until="commit")
+        page.wait_for_function("window.peaking?.canShoot() === true")
+        begin_heap = _heap(page)
+        for number in range(CAPTURES):
+            angle = 2 * np.pi * number / CAPTURES
+            page.evaluate("p => window.peaking.phone.setPose(p)", _pose(angle))
+            _frames(page, 4)
+            page.keyboard.press("Space")
+            page.wait_for_function(
+                "n => window.peaking.timeline().filter(c => c.times.drawn !== undefined).length"
+                " > n",
+                arg=number,
+            )
+        timeline = page.evaluate("window.peaking.timeline()")
+        resident = page.evaluate("window.peaking.resident()")
+        frames_ms = _frame_time_ms(page)
+        full_heap = _heap(page)
+        while page.evaluate("window.peaking.views().length") > 1:
+            before = page.evaluate("window.peaking.views().length")
+            page.keyboard.press("z")
+            page.wait_for_function("n => window.peaking.views().length < n", arg=before)
+        _frames(page, 8)
+        after = page.evaluate("window.peaking.resident()")
+        undone_heap = _heap(page)
+        browser.close()
+    return _summary(timeline) | {
+        "frame_ms_median": frames_ms,
+        "client_bytes_per_view": round(
+            resident["bytes"] / max(resident["views"], 1)
+            + max(full_heap - begin_heap, 0) / CAPTURES
+        ),
+        "client_gpu_bytes_per_view": round(resident["bytes"] / max(resident["views"], 1)),
+        "client_bytes_after_undo": {
+            "views_left": 1,
+            "gpu": after["bytes"],
+            "heap_grown": undone_heap - begin_heap,
+        },
+    }
+
+
+def _summary(timeline: Sequence[Mapping[str, Any]]) -> dict[str, object]:
+    """Return the medians of the whole and of each step, milliseconds."""
+    times = [capture["times"] for capture in timeline]
+    names = list(times[0])
+    ordered = sorted(names, key=lambda name: float(np.median([t[name] for t in times])))
+    steps = {
+        f"{before}_to_{after}": round(float(np.median([t[after] - t[before] for t in times])), 1)
+        for before, after in itertools.pairwise(ordered)
+    }
+    whole = [t["drawn"] - t["shutter"] for t in times]
+    return {
+        "capture_to_drawn_p50_ms": round(float(np.median(whole)), 1),
+        "capture_to_drawn_p95_ms": round(float(np.percentile(whole, 95)), 1),
+        "steps_ms": steps,
+    }
+
+
+def _pose(angle: float) -> list[float]:
+    x_m, y_m = 0.25 * float(np.cos(angle)), 1.35 + 0.15 * float(np.sin(angle))
+    return [1.0, 0.0, 0.0, x_m, 0.0, -1.0, 0.0, y_m, 0.0, 0.0, -1.0, 1.1]
+
+
+def _frames(page: Any, count: int) -> None:
+    before = page.evaluate("window.peaking.frames()")
+    page.wait_for_function("n => window.peaking.frames() >= n", arg=before + count)
+
+
+def _frame_time_ms(page: Any) -> float:
+    before, begin_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
+    page.wait_for_timeout(4000)
+    after, end_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
+    return round((end_ms - begin_ms) / max(after - before, 1), 1)
+
+
+def _heap(page: Any) -> int:
+    return page.evaluate("(globalThis.gc?.(), performance.memory.usedJSHeapSize)")
+
+
+def _browser_path() -> str:
+    named = os.environ.get("PEAKING_BROWSER")
+    for name in (named,) if named else BROWSERS:
+        found = shutil.which(name)
+        if found:
+            return found
+    raise ToolMissing(
+        "no Chromium found; run scripts/install_browser, or leave the browser out with --no-browser"
+    )

@@ -1,0 +1,183 @@
+"""The whole loop in a real browser: the virtual phone, the real server, and what comes between."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Route
+
+from e2e.virtual_phone_page import VirtualPhonePage, moved
+from live_server import LiveServer, chromium
+from peaking.datasets.nerfstudio import open_recording
+
+
+@pytest.fixture(scope="module")
+def browser() -> Generator[Browser, None, None]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def context(browser: Browser) -> Generator[BrowserContext, None, None]:
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
+    server = LiveServer(tmp_path / "sessions").start()
+    yield server
+    server.stop()
+
+
+def only_session(server: LiveServer) -> Path:
+    (log,) = server.sessions.glob("*/log.jsonl")
+    return log.parent
+
+
+def stored_ids(server: LiveServer) -> list[str]:
+    """Return the ids of all captures that the session's log has, in order, repetitions too."""
+    lines = (only_session(server) / "log.jsonl").read_text().splitlines()
+    events = [json.loads(line) for line in lines]
+    return [event["id"] for event in events if event["type"] == "CaptureStored"]
+
+
+def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.keep_picture("1-start")
+    phone.hold(moved())
+    phone.shoot_and_wait()
+    phone.keep_picture("2-first-view")
+    at_home = phone.peaked_share()
+
+    phone.hold(moved(x_m=0.35))
+    before = phone.peaked_share()
+    phone.keep_picture("3-moved")
+    assert before > at_home
+
+    phone.shoot_and_wait()
+    after = phone.peaked_share()
+    phone.keep_picture("4-second-view")
+    assert after < before
+
+    phone.page.keyboard.press("z")
+    phone.wait_for(lambda: len(phone.views()) == 1)
+    phone.let_pass(6)
+    undone = phone.peaked_share()
+    phone.keep_picture("5-undone")
+    assert undone > after
+
+    phone.page.wait_for_timeout(500)
+    recording = open_recording(only_session(server))
+    assert len(recording) == 1
+    assert recording.read(0).depth_m is not None
+    assert phone.problems == []
+
+
+def test_offline_for_a_minute_with_five_captures(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.shoot_and_wait()
+    context.set_offline(True)
+    ids = []
+    for step in range(5):
+        phone.hold(moved(x_m=0.05 * (step + 1)))
+        ids.append(phone.shoot())
+    phone.page.wait_for_timeout(60_000)
+    assert set(phone.states()[1:]) <= {"waiting", "uploading"}
+    phone.keep_picture("offline")
+    context.set_offline(False)
+    phone.wait_for(lambda: phone.states() == ["ready"] * 6)
+    assert stored_ids(server)[1:] == ids
+    assert phone.problems == []
+
+
+def test_a_reload_in_the_middle_loses_nothing(context: BrowserContext, server: LiveServer) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address)
+    phone.shoot_and_wait()
+
+    def cut(route: Route) -> None:
+        route.abort("connectionfailed")
+
+    page.route("**/captures/*", cut)
+    ids = [phone.shoot(), phone.shoot()]
+    page.reload(wait_until="commit")
+    phone.wait_until_running()
+    assert [view["id"] for view in phone.views()[1:]] == ids
+    page.unroute("**/captures/*")
+    phone.wait_for(lambda: phone.states() == ["ready"] * 3)
+    assert stored_ids(server)[1:] == ids
+    assert len(set(stored_ids(server))) == 3
+
+
+def test_the_server_may_be_killed_and_started_again(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    first = phone.shoot_and_wait()
+    server.kill()
+    second = phone.shoot()
+    phone.page.wait_for_timeout(1500)
+    assert phone.states()[1] in ("waiting", "uploading")
+    server.start()
+    phone.wait_for(lambda: phone.states() == ["ready"] * 2)
+    assert stored_ids(server) == [first, second]
+    phone.let_pass(3)
+    assert phone.problems == []
+
+
+def test_a_full_disk_keeps_the_capture_on_the_phone(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address)
+
+    def full(route: Route) -> None:
+        if route.request.method == "POST":
+            problem = {"problem": "The disk of the server is full; free some space."}
+            route.fulfill(status=507, json=problem)
+        else:
+            route.continue_()
+
+    page.route("**/captures/*", full)
+    view_id = phone.shoot()
+    page.get_by_text("disk", exact=False).first.wait_for()
+    phone.keep_picture("disk-full")
+    assert phone.states() == ["waiting"]
+    page.unroute("**/captures/*")
+    phone.wait_for(lambda: phone.states() == ["ready"])
+    assert stored_ids(server) == [view_id]
+
+
+def test_it_works_on_a_small_screen(browser: Browser, server: LiveServer) -> None:
+    context = browser.new_context(
+        viewport={"width": 412, "height": 915}, has_touch=True, is_mobile=True
+    )
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.shoot_and_wait()
+    phone.hold(moved(x_m=0.3))
+    phone.keep_picture("small-screen")
+    assert phone.peaked_share() > 0
+    context.close()
+
+
+def test_a_recording_plays_as_the_camera(browser: Browser, tmp_path: Path) -> None:
+    desk = Path(__file__).parents[2] / "scenes" / "desk"
+    server = LiveServer(tmp_path / "sessions", command=("demo", str(desk), "--no-open")).start()
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 800})
+        phone = VirtualPhonePage(context.new_page(), server.address, query="source=replay")
+        phone.shoot_and_wait()
+        phone.keep_picture("replay")
+        assert phone.states() == ["ready"]
+        context.close()
+    finally:
+        server.stop()

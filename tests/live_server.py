@@ -1,0 +1,107 @@
+"""A real server in a process of its own, and a real browser; for the end-to-end tests."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+CLIENT = Path(__file__).parents[1] / "src" / "peaking" / "server" / "client" / "index.html"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+PEAKING = "from peaking.cli import main; main()"
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+    "--no-first-run",
+)
+
+
+def browser_path() -> str:
+    """Return the Chromium to test in; fails, and does not skip, when there is none."""
+    named = os.environ.get("PEAKING_BROWSER")
+    for name in (named,) if named else BROWSERS:
+        found = shutil.which(name)
+        if found:
+            return found
+    pytest.fail("no Chromium found; run: scripts/install_browser")
+
+
+@contextmanager
+def chromium() -> Generator[Browser, None, None]:
+    """Run a headless Chromium whose WebGL works without a graphics card."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=browser_path(), headless=True, args=list(FLAGS)
+        )
+        yield browser
+        browser.close()
+
+
+@dataclass
+class LiveServer:
+    """`peaking demo` or `peaking serve`, which can be killed and started again at its address."""
+
+    sessions: Path
+    command: Sequence[str] = ("demo", "--no-open")
+    port: int = 0
+    said: list[str] = field(default_factory=list[str])
+    address: str = ""
+
+    def start(self) -> LiveServer:
+        """Start it, and wait until it says its address."""
+        if not CLIENT.is_file():
+            pytest.fail("the web client is not built; run: make client")
+        arguments = [*self.command, "--port", str(self.port), "--sessions", str(self.sessions)]
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PEAKING, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        )
+        assert self.process.stdout is not None
+        self.said.clear()
+        for line in self.process.stdout:
+            self.said.append(line)
+            found = re.search(r"https?://(localhost|127\.0\.0\.1):(\d+)", line)
+            if found:
+                self.address, self.port = found.group(), int(found.group(2))
+                threading.Thread(target=self._drain, daemon=True).start()
+                return self
+        pytest.fail(f"the server did not start: {''.join(self.said)}")
+
+    def kill(self) -> None:
+        """End it as a power cut would."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait(10)
+
+    def stop(self) -> None:
+        """End it as Ctrl-C does."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(20)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+
+    def _drain(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said.append(line)

@@ -1,0 +1,47 @@
+/** Which camera the page begins with. */
+
+import type { SourceKind } from './sources/frame_source';
+
+export interface Choice {
+  readonly kind: SourceKind;
+  /** The recording to play, when that is what it is. */
+  readonly recording: string | null;
+  /** The address asked for it; otherwise it is what this device can do. */
+  readonly asked: boolean;
+}
+
+/** Raised for an address that asks for what is not there; a sentence. */
+export class NoSuchSource extends Error {
+  override readonly name = 'NoSuchSource';
+}
+
+/**
+ * Read `?source=virtual|webxr|replay&recording=NAME`. Without it: the phone's camera where there is
+ * augmented reality, else the first recording that the server plays, else the virtual phone.
+ */
+export function chooseSource(
+  query: URLSearchParams, recordings: readonly string[], arSupported: boolean,
+): Choice {
+  const asked = query.get('source');
+  const recording = query.get('recording') ?? recordings[0] ?? null;
+  switch (asked) {
+    case 'virtual':
+    case 'webxr':
+      return { kind: asked, recording: null, asked: true };
+    case 'replay':
+      if (recording === null || !recordings.includes(recording)) {
+        const known = recordings.length > 0 ? recordings.join(', ') : 'none';
+        throw new NoSuchSource(
+          `The server plays no recording "${recording ?? ''}" (it has: ${known}). `
+          + 'Start it with: peaking demo SCENE',
+        );
+      }
+      return { kind: 'replay', recording, asked: true };
+    case null:
+      if (arSupported) return { kind: 'webxr', recording: null, asked: false };
+      if (recording !== null) return { kind: 'replay', recording, asked: false };
+      return { kind: 'virtual', recording: null, asked: false };
+    default:
+      throw new NoSuchSource(`There is no source "${asked}": use virtual, webxr or replay.`);
+  }
+}
