@@ -1,4 +1,4 @@
-"""Write the TypeScript twin of `wire.py`: `python -m peaking.server.typescript > web/src/wire.ts`."""
+"""Write the TypeScript twin of `wire.py`; `make wire` calls it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _type(kind: Any) -> str:
     if isinstance(kind, msgspec.inspect.ListType):
         return f"readonly {_in_array(_type(kind.item_type))}[]"
     if isinstance(kind, msgspec.inspect.LiteralType):
-        return " | ".join(f"'{value}'" for value in sorted(kind.values))
+        return " | ".join(f"'{value}'" for value in sorted(kind.values, key=str))
     if isinstance(kind, msgspec.inspect.UnionType):
         return " | ".join(_type(member) for member in kind.types)
     return _PLAIN[type(kind)]

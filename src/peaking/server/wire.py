@@ -33,7 +33,7 @@ class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of everything on the wire: fields that are not known are refused."""
 
 
-class Pinhole(Struct):
+class Pinhole(Struct, frozen=True):
     """Intrinsics in pixels, corner origin."""
 
     width_px: Size
@@ -48,14 +48,14 @@ Pose = Annotated[list[Metres], Meta(min_length=12, max_length=12)]
 """world_from_cam, `[R | t]` row by row (12 numbers), OpenCV axes of the camera, metres."""
 
 
-class Camera(Struct):
+class Camera(Struct, frozen=True):
     """Where a picture was taken from, and how its pixels look out."""
 
     pinhole: Pinhole
     world_from_cam: Pose
 
 
-class DepthLayout(Struct):
+class DepthLayout(Struct, frozen=True):
     """A depth map: 16-bit little-endian millimetres along +z, rows from the top, 0 = unknown.
 
     It covers the same field of view as the photo.
@@ -65,7 +65,7 @@ class DepthLayout(Struct):
     height_px: Size
 
 
-class CaptureHeader(Struct):
+class CaptureHeader(Struct, frozen=True):
     """The first part of an upload: what the bytes after it are.
 
     An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth`.
@@ -80,7 +80,7 @@ class CaptureHeader(Struct):
     depth: DepthLayout | None = None
 
 
-class Capture(Struct):
+class Capture(Struct, frozen=True):
     """One captured view, as the server holds it."""
 
     id: Id
@@ -97,7 +97,7 @@ class Capture(Struct):
     """Taken back by an undo; kept on the server's disk, but in no data set."""
 
 
-class NewSession(Struct):
+class NewSession(Struct, frozen=True):
     """Begin a session, or find it again: POST /api/v1/sessions."""
 
     id: Id
@@ -108,14 +108,14 @@ class NewSession(Struct):
     """What the photographer's device calls itself."""
 
 
-class SessionChange(Struct):
+class SessionChange(Struct, frozen=True):
     """PATCH /api/v1/sessions/{session}; what is left out stays."""
 
     name: Name | None = None
     finished: bool | None = None
 
 
-class SessionSummary(Struct):
+class SessionSummary(Struct, frozen=True):
     """One line of the list of sessions."""
 
     id: Id
@@ -135,14 +135,14 @@ class SessionSummary(Struct):
     """A phone is connected now."""
 
 
-class Session(Struct):
+class Session(Struct, frozen=True):
     """A session with all its captures in order, removed ones too."""
 
     summary: SessionSummary
     captures: list[Capture]
 
 
-class PeakedSample(Struct):
+class PeakedSample(Struct, frozen=True):
     """What the photographer saw at one moment: at most one a second."""
 
     time_s: Annotated[float, Meta(ge=0, le=1e11)]
@@ -152,13 +152,13 @@ class PeakedSample(Struct):
     world_from_cam: Pose
 
 
-class PeakedSamples(Struct):
+class PeakedSamples(Struct, frozen=True):
     """POST /api/v1/sessions/{session}/peaked, and the answer to a GET there."""
 
     samples: Annotated[list[PeakedSample], Meta(max_length=100_000)]
 
 
-class Options(Struct):
+class Options(Struct, frozen=True):
     """How a client renders and compares; the fields are those of `peaking.presets.Options`."""
 
     pixels: int
@@ -171,7 +171,7 @@ class Options(Struct):
     compensate_exposure: bool
 
 
-class ServerInfo(Struct):
+class ServerInfo(Struct, frozen=True):
     """GET /api/v1/server: the first thing a client asks."""
 
     protocol: int
@@ -184,14 +184,14 @@ class ServerInfo(Struct):
     max_upload_bytes: int
 
 
-class RecordedFrame(Struct):
+class RecordedFrame(Struct, frozen=True):
     """One frame of a recording that is played as the camera."""
 
     camera: Camera
     depth: DepthLayout | None
 
 
-class RecordingIndex(Struct):
+class RecordingIndex(Struct, frozen=True):
     """GET /api/v1/recordings/{name}.
 
     Pictures are at `/api/v1/recordings/{name}/frames/{index}/photo` (JPEG or PNG), depths at
@@ -203,7 +203,7 @@ class RecordingIndex(Struct):
     frames: list[RecordedFrame]
 
 
-class Problem(Struct):
+class Problem(Struct, frozen=True):
     """The body of every answer of 400 and above."""
 
     problem: str
@@ -213,25 +213,25 @@ class Problem(Struct):
 # Server-sent events. Every stream begins with the whole state, so nothing is lost by reconnecting.
 
 
-class SessionState(Struct, tag="SessionState"):
+class SessionState(Struct, frozen=True, tag="SessionState"):
     """First event of /api/v1/sessions/{session}/events."""
 
     session: Session
 
 
-class CaptureChanged(Struct, tag="CaptureChanged"):
+class CaptureChanged(Struct, frozen=True, tag="CaptureChanged"):
     """A capture was stored, its MPI got ready or failed, or it was removed."""
 
     capture: Capture
 
 
-class SessionChanged(Struct, tag="SessionChanged"):
+class SessionChanged(Struct, frozen=True, tag="SessionChanged"):
     """Name, state or peaked share changed."""
 
     summary: SessionSummary
 
 
-class SessionList(Struct, tag="SessionList"):
+class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
     sessions: list[SessionSummary]

@@ -1,0 +1,94 @@
+"""The data set that a session's folder is: transforms.json, and all of it as a zip."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from peaking.geometry import OPENCV_FROM_OPENGL
+from peaking.server import wire
+
+CHUNK_BYTES = 1 << 20
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Zip files cannot say less; the same session always gives the same bytes."""
+
+
+def photo_name(number: int) -> str:
+    """Return where the photo of a capture lies, relative to the session's folder."""
+    return f"images/{number:06d}.jpg"
+
+
+def depth_name(number: int) -> str:
+    """Return where its depth lies: 16-bit PNG, millimetres."""
+    return f"depth/{number:06d}.png"
+
+
+def transforms_json(captures: Iterable[tuple[wire.Capture, bool]]) -> bytes:
+    """Return nerfstudio's transforms.json of captures, each with whether it has depth."""
+    frames = [_frame(capture, has_depth) for capture, has_depth in captures]
+    document = {"camera_model": "OPENCV", "depth_unit_scale_factor": 0.001, "frames": frames}
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+def _frame(capture: wire.Capture, has_depth: bool) -> dict[str, object]:
+    k = capture.camera.pinhole
+    matrix = np.eye(4)
+    matrix[:3] = np.array(capture.camera.world_from_cam).reshape(3, 4)
+    frame: dict[str, object] = {
+        "file_path": photo_name(capture.number),
+        "w": k.width_px,
+        "h": k.height_px,
+        "fl_x": k.fx_px,
+        "fl_y": k.fy_px,
+        "cx": k.cx_px,
+        "cy": k.cy_px,
+        "transform_matrix": (matrix @ OPENCV_FROM_OPENGL).tolist(),
+        "timestamp": capture.time_s,
+        "capture_id": capture.id,
+    }
+    if has_depth:
+        frame["depth_file_path"] = depth_name(capture.number)
+    return frame
+
+
+class _Outbox(io.RawIOBase):
+    """A file that can only be written on, and emptied."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: object, /) -> int:
+        part = bytes(data)  # type: ignore[call-overload]
+        self._parts.append(part)
+        return len(part)
+
+    def taken(self) -> bytes:
+        parts, self._parts = self._parts, []
+        return b"".join(parts)
+
+
+def zip_stream(files: Iterable[tuple[str, Path | bytes]]) -> Iterator[bytes]:
+    """Yield a zip of files, stored as they are: photos do not get smaller.
+
+    A file that vanished meanwhile (an undo) is left out.
+    """
+    outbox = _Outbox()
+    with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in files:
+            try:
+                source = io.BytesIO(content) if isinstance(content, bytes) else content.open("rb")
+            except FileNotFoundError:
+                continue
+            with source, archive.open(zipfile.ZipInfo(name, EPOCH), "w") as entry:
+                while chunk := source.read(CHUNK_BYTES):
+                    entry.write(chunk)
+                    yield outbox.taken()
+    yield outbox.taken()

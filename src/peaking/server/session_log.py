@@ -1,0 +1,115 @@
+"""The log of a session: one JSON line per event, only ever appended to, on the disk when told so.
+
+What stands in it has happened; everything else in a session's folder follows from it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from peaking.errors import RecordingError
+from peaking.server import wire
+
+FILE_NAME = "log.jsonl"
+VERSION = 1
+
+
+class Event(msgspec.Struct, frozen=True, tag_field="type"):
+    """Something that happened, at a time of the server's clock (seconds since 1970)."""
+
+    at_s: float
+
+
+class SessionBegun(Event, frozen=True, tag="SessionBegun"):
+    """First line of every log."""
+
+    version: int
+    session: wire.NewSession
+
+
+class CaptureStored(Event, frozen=True, tag="CaptureStored"):
+    """Photo and depth are on the disk: the moment from which a capture exists."""
+
+    id: str
+    number: int
+    camera: wire.Camera
+    time_s: float
+    depth: bool
+
+
+class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):
+    """Undone by the photographer."""
+
+    id: str
+
+
+class SessionNamed(Event, frozen=True, tag="SessionNamed"):
+    """Got another name."""
+
+    name: str
+
+
+class SessionFinished(Event, frozen=True, tag="SessionFinished"):
+    """Was finished, or opened again."""
+
+    finished: bool
+
+
+AnyEvent = SessionBegun | CaptureStored | CaptureRemoved | SessionNamed | SessionFinished
+
+
+class SessionLog:
+    """Appends events to a file; every event is on the disk when `append` returns."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the log at `path`, which may not exist yet."""
+        self.path = path
+
+    def append(self, event: AnyEvent) -> None:
+        """Write one event.
+
+        Raises:
+            OSError: It could not be written; the log is as it was before.
+        """
+        line = msgspec.json.encode(event) + b"\n"
+        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        try:
+            size = os.fstat(descriptor).st_size
+            try:
+                rest = memoryview(line)
+                while rest:
+                    rest = rest[os.write(descriptor, rest) :]
+                os.fsync(descriptor)
+            except BaseException:
+                with contextlib.suppress(OSError):
+                    os.ftruncate(descriptor, size)
+                    os.fsync(descriptor)
+                raise
+        finally:
+            os.close(descriptor)
+
+    def read(self) -> Iterator[AnyEvent]:
+        """Yield all events, and cut off a last line that a crash left unfinished.
+
+        Raises:
+            RecordingError: A line in the middle is damaged, or of a newer version.
+        """
+        data = self.path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            os.truncate(self.path, whole)
+        for number, line in enumerate(data[:whole].splitlines(), start=1):
+            try:
+                yield msgspec.json.decode(line, type=AnyEvent)
+            except msgspec.DecodeError as error:
+                raise RecordingError(
+                    self.path,
+                    f"line {number} cannot be read ({error})",
+                    remedy="it is damaged or of a newer version of peaking; the photos beside it "
+                    "are untouched",
+                ) from error

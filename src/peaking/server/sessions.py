@@ -1,0 +1,435 @@
+"""Sessions on disk: folders that are data sets, and nothing acknowledged is ever lost.
+
+A capture exists from the moment its line is in the session's log; by then its photo and its depth
+are on the disk. transforms.json, thumbnails and MPIs follow from that and are made again when
+missing. An undo moves files to `removed/`; nothing is deleted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import threading
+import time
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from peaking.datasets.stored_images import read_depth, read_picture
+from peaking.errors import PeakingError, RecordingError
+from peaking.frame import Frame
+from peaking.output import encode_png, write_atomically
+from peaking.server import session_log, wire
+from peaking.server.dataset import depth_name, photo_name, transforms_json
+from peaking.server.session_log import SessionLog
+from peaking.server.upload import Upload, camera_of_wire
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FOLDERS = ("images", "depth", "mpi", "removed/images", "removed/depth")
+
+
+class UnknownSession(PeakingError):
+    """There is no session of this id."""
+
+
+class UnknownCapture(PeakingError):
+    """There is no capture of this id in the session."""
+
+
+class DiskFull(PeakingError):
+    """There is no room for a capture; nothing of it was kept."""
+
+
+class OpenSession:
+    """One session and its folder. May be used from several threads."""
+
+    def __init__(self, folder: Path, *, clock: Callable[[], float]) -> None:
+        """Open the session in `folder`, and mend what a crash left.
+
+        Raises:
+            RecordingError: The log is damaged.
+        """
+        self.folder = folder
+        self.peaked_share: float | None = None
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._log = SessionLog(folder / session_log.FILE_NAME)
+        self._captures: dict[str, wire.Capture] = {}
+        self._with_depth: set[str] = set()
+        self._number = 0
+        self._finished = False
+        events = self._log.read()
+        begun = next(events, None)
+        if not isinstance(begun, session_log.SessionBegun):
+            raise RecordingError(
+                self._log.path, "does not begin with SessionBegun", remedy="move the folder away"
+            )
+        if begun.version != session_log.VERSION:
+            raise RecordingError(
+                self._log.path,
+                f"is of version {begun.version}, this peaking reads {session_log.VERSION}",
+                field="version",
+                remedy="open it with the peaking that wrote it",
+            )
+        self.id, self.name = begun.session.id, begun.session.name
+        self._begun = begun
+        for event in events:
+            self._replay(event)
+        self._mend()
+
+    # Reading
+
+    @property
+    def captures(self) -> list[wire.Capture]:
+        """All captures in the order they arrived, removed ones too."""
+        with self._lock:
+            return list(self._captures.values())
+
+    def capture(self, capture_id: str) -> wire.Capture:
+        """Return one capture.
+
+        Raises:
+            UnknownCapture: It is not here.
+        """
+        with self._lock:
+            if capture_id not in self._captures:
+                raise UnknownCapture("There is no such capture in this session.")
+            return self._captures[capture_id]
+
+    def summary(self, *, live: bool = False) -> wire.SessionSummary:
+        """Return the line of the list of sessions."""
+        with self._lock:
+            kept = [capture for capture in self._captures.values() if not capture.removed]
+            return wire.SessionSummary(
+                id=self.id,
+                name=self.name,
+                folder=self.folder.name,
+                source=self._begun.session.source,
+                device=self._begun.session.device,
+                created_s=self._begun.at_s,
+                finished=self._finished,
+                captures=len(kept),
+                ready=sum(capture.state == "ready" for capture in kept),
+                peaked_share=self.peaked_share,
+                live=live,
+            )
+
+    def session(self, *, live: bool = False) -> wire.Session:
+        """Return the whole state."""
+        with self._lock:
+            return wire.Session(self.summary(live=live), self.captures)
+
+    def unfinished(self) -> list[str]:
+        """Return the ids of captures whose MPI is still to be made."""
+        return [c.id for c in self.captures if c.state == "queued" and not c.removed]
+
+    def frame_of(self, capture_id: str) -> Frame:
+        """Read a capture back as it was photographed.
+
+        Raises:
+            UnknownCapture: It is not here.
+            RecordingError: Its files cannot be read.
+        """
+        capture = self.capture(capture_id)
+        depth_m = None
+        if capture_id in self._with_depth:
+            depth_m = read_depth(self._path(capture, depth_name(capture.number)), 0.001)
+        return Frame(
+            name=f"{capture.number:06d}",
+            rgb=read_picture(self.photo_path(capture_id)),
+            camera=camera_of_wire(capture.camera),
+            depth_m=depth_m,
+            timestamp_s=float(capture.time_s),
+        )
+
+    def photo_path(self, capture_id: str) -> Path:
+        """Return where the photo lies."""
+        capture = self.capture(capture_id)
+        return self._path(capture, photo_name(capture.number))
+
+    def mpi_path(self, capture_id: str) -> Path:
+        """Return where the MPI lies, or will."""
+        return self.folder / "mpi" / f"{self.capture(capture_id).number:06d}.mpi"
+
+    def dataset_files(self) -> list[tuple[str, Path | bytes]]:
+        """Return names and contents of the data set, without what was undone."""
+        with self._lock:
+            files: list[tuple[str, Path | bytes]] = [("transforms.json", self._transforms())]
+            for capture in self._captures.values():
+                if capture.removed:
+                    continue
+                files.append((photo_name(capture.number), self.photo_path(capture.id)))
+                if capture.id in self._with_depth:
+                    name = depth_name(capture.number)
+                    files.append((name, self._path(capture, name)))
+            return files
+
+    def peaked(self) -> list[wire.PeakedSample]:
+        """Return all that phones told about peaked shares."""
+        with self._lock, contextlib.suppress(FileNotFoundError):
+            lines = (self.folder / "peaked.jsonl").read_bytes().split(b"\n")[:-1]
+            return [msgspec.json.decode(line, type=wire.PeakedSample) for line in lines]
+        return []
+
+    # Changing
+
+    def store_capture(self, capture_id: str, upload: Upload) -> tuple[wire.Capture, bool]:
+        """Keep a capture; return it, and whether it is new. On the disk when this returns.
+
+        Raises:
+            DiskFull: There is no room.
+            OSError: The disk fails in another way.
+        """
+        with self._lock:
+            if capture_id in self._captures:
+                return self._captures[capture_id], False
+            number = self._number + 1
+            header = upload.header
+            with _room_explained():
+                self._write(photo_name(number), upload.photo)
+                if upload.depth_mm is not None:
+                    self._write(depth_name(number), encode_png(upload.depth_mm))
+                stored = session_log.CaptureStored(
+                    at_s=self._clock(),
+                    id=capture_id,
+                    number=number,
+                    camera=header.camera,
+                    time_s=header.time_s,
+                    depth=upload.depth_mm is not None,
+                )
+                self._log.append(stored)
+            self._replay(stored)
+            return self._captures[capture_id], True
+
+    def remove_capture(self, capture_id: str) -> wire.Capture:
+        """Undo a capture; again does nothing.
+
+        Raises:
+            UnknownCapture: It is not here.
+        """
+        with self._lock:
+            capture = self.capture(capture_id)
+            if not capture.removed:
+                event = session_log.CaptureRemoved(at_s=self._clock(), id=capture_id)
+                with _room_explained():
+                    self._log.append(event)
+                self._replay(event)
+                self._move_aside(self._captures[capture_id])
+            return self._captures[capture_id]
+
+    def mark_ready(self, capture_id: str, mpi: bytes) -> wire.Capture:
+        """Keep the MPI of a capture."""
+        write_atomically(self.mpi_path(capture_id), mpi)
+        return self._change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
+
+    def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
+        """Remember why there is no MPI of a capture; it is tried again after a restart."""
+        return self._change(capture_id, state="failed", problem=problem)
+
+    def rename(self, name: str) -> None:
+        """Give the session another name."""
+        with self._lock:
+            event = session_log.SessionNamed(at_s=self._clock(), name=name)
+            with _room_explained():
+                self._log.append(event)
+            self._replay(event)
+
+    def finish(self, finished: bool) -> None:
+        """Say that it is finished, or that it goes on."""
+        with self._lock:
+            event = session_log.SessionFinished(at_s=self._clock(), finished=finished)
+            with _room_explained():
+                self._log.append(event)
+            self._replay(event)
+
+    def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
+        """Append what a phone told; not waited for until it is on the disk."""
+        if not samples:
+            return
+        lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in samples)
+        with self._lock, (self.folder / "peaked.jsonl").open("ab") as file:
+            file.write(lines)
+            self.peaked_share = samples[-1].peaked_share
+
+    def refresh_dataset(self) -> None:
+        """Write transforms.json anew when it is not what it should be."""
+        with self._lock:
+            path, wanted = self.folder / "transforms.json", self._transforms()
+            if not path.is_file() or path.read_bytes() != wanted:
+                write_atomically(path, wanted)
+
+    # Inside
+
+    def _replay(self, event: session_log.AnyEvent) -> None:
+        match event:
+            case session_log.CaptureStored():
+                self._number = max(self._number, event.number)
+                self._captures[event.id] = wire.Capture(
+                    id=event.id,
+                    number=event.number,
+                    camera=event.camera,
+                    time_s=event.time_s,
+                    state="queued",
+                )
+                if event.depth:
+                    self._with_depth.add(event.id)
+            case session_log.CaptureRemoved():
+                self._change(event.id, removed=True)
+            case session_log.SessionNamed():
+                self.name = event.name
+            case session_log.SessionFinished():
+                self._finished = event.finished
+            case session_log.SessionBegun():
+                raise RecordingError(
+                    self._log.path, "begins twice", remedy="split it into two folders by hand"
+                )
+
+    def _change(self, capture_id: str, **fields: object) -> wire.Capture:
+        with self._lock:
+            changed = msgspec.structs.replace(self.capture(capture_id), **fields)
+            self._captures[capture_id] = changed
+            return changed
+
+    def _mend(self) -> None:
+        """Finish interrupted undos, find the MPIs that are there, drop half-written files."""
+        for folder in FOLDERS:
+            (self.folder / folder).mkdir(parents=True, exist_ok=True)
+            for leftover in (self.folder / folder).glob(".*.partial*"):
+                leftover.unlink()
+        for capture in self.captures:
+            if capture.removed:
+                self._move_aside(capture)
+            mpi = self.mpi_path(capture.id)
+            if mpi.is_file():
+                self._change(capture.id, state="ready", mpi_bytes=mpi.stat().st_size)
+        self._drop_torn_sample()
+        samples = self.peaked()
+        self.peaked_share = samples[-1].peaked_share if samples else None
+        self.refresh_dataset()
+
+    def _drop_torn_sample(self) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            path = self.folder / "peaked.jsonl"
+            data = path.read_bytes()
+            whole = data.rfind(b"\n") + 1
+            if whole < len(data):
+                os.truncate(path, whole)
+
+    def _move_aside(self, capture: wire.Capture) -> None:
+        for name in (photo_name(capture.number), depth_name(capture.number)):
+            with contextlib.suppress(FileNotFoundError):
+                (self.folder / name).rename(self.folder / "removed" / name)
+
+    def _path(self, capture: wire.Capture, name: str) -> Path:
+        return self.folder / "removed" / name if capture.removed else self.folder / name
+
+    def _transforms(self) -> bytes:
+        return transforms_json(
+            (capture, capture.id in self._with_depth)
+            for capture in self._captures.values()
+            if not capture.removed
+        )
+
+    def _write(self, name: str, data: bytes) -> None:
+        """Write a file so that it is on the disk under its name; what stood there is replaced."""
+        target = self.folder / name
+        partial = target.with_name(f".{target.name}.partial")
+        try:
+            with partial.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(target)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+        _flush_names(target.parent)
+
+
+class SessionStore:
+    """All sessions below one folder."""
+
+    def __init__(self, root: Path, *, clock: Callable[[], float] = time.time) -> None:
+        """Open the sessions below `root`, which is made when it is not there.
+
+        A folder that cannot be opened is left alone and told in `problems`.
+        """
+        self.root = root
+        self.problems: list[str] = []
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._sessions: dict[str, OpenSession] = {}
+        root.mkdir(parents=True, exist_ok=True)
+        for log in sorted(root.glob(f"*/{session_log.FILE_NAME}")):
+            if log.parent.name.startswith("."):
+                continue
+            try:
+                session = OpenSession(log.parent, clock=clock)
+                self._sessions[session.id] = session
+            except (RecordingError, OSError) as error:
+                self.problems.append(str(error))
+
+    def sessions(self) -> list[OpenSession]:
+        """Return all sessions, oldest first."""
+        with self._lock:
+            return list(self._sessions.values())
+
+    def get(self, session_id: str) -> OpenSession:
+        """Return a session.
+
+        Raises:
+            UnknownSession: It is not here.
+        """
+        with self._lock:
+            if session_id not in self._sessions:
+                raise UnknownSession("There is no such session on this server.")
+            return self._sessions[session_id]
+
+    def begin(self, new: wire.NewSession) -> tuple[OpenSession, bool]:
+        """Return the session of this id, and whether it was made now."""
+        with self._lock:
+            if new.id in self._sessions:
+                return self._sessions[new.id], False
+            now_s = self._clock()
+            when = time.strftime("%Y-%m-%d_%H%M%S", time.localtime(now_s))
+            folder = self.root / f"{when}_{new.id[:8]}"
+            # The whole id where two share their beginning in the same second.
+            if folder.exists():
+                folder = self.root / f"{when}_{new.id}"
+            hidden = folder.with_name(f".{folder.name}.partial")
+            with _room_explained():
+                hidden.mkdir(exist_ok=True)
+                (hidden / session_log.FILE_NAME).unlink(missing_ok=True)
+                begun = session_log.SessionBegun(
+                    at_s=now_s, version=session_log.VERSION, session=new
+                )
+                SessionLog(hidden / session_log.FILE_NAME).append(begun)
+                hidden.rename(folder)
+                _flush_names(self.root)
+                session = OpenSession(folder, clock=self._clock)
+            self._sessions[new.id] = session
+            return session, True
+
+
+@contextlib.contextmanager
+def _room_explained() -> Generator[None, None, None]:
+    """Turn "no space left" into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            raise DiskFull(
+                "The server's disk is full; nothing of this was kept there. Free some space: the "
+                "phone holds the capture until then."
+            ) from error
+        raise
+
+
+def _flush_names(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,134 @@
+"""An upload as it comes from a phone: checked before anything is made of a size that it claims."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import simplejpeg
+from jaxtyping import UInt16
+
+from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
+from peaking.server import wire
+
+MOST_HEADER_BYTES = 20_000
+MOST_PHOTO_PIXELS = 40_000_000
+PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
+"""Where the principal point may lie, in sizes of the picture: crops move it, not further."""
+
+
+class BadUpload(Exception):
+    """An upload that cannot be used, now or later; the message is a sentence for the phone."""
+
+    def __init__(self, problem: str, *, status: int = 422) -> None:
+        """Keep the sentence and the HTTP status."""
+        super().__init__(problem)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A capture as it was sent: camera, photo, and depth in millimetres where there is any."""
+
+    header: wire.CaptureHeader
+    photo: bytes
+    depth_mm: UInt16[np.ndarray, "h w"] | None
+
+
+def parse_upload(body: bytes) -> Upload:
+    """Take an upload apart.
+
+    Raises:
+        BadUpload: Anything about it is wrong.
+    """
+    header, rest = _header(body)
+    if header.protocol != wire.PROTOCOL:
+        raise BadUpload(
+            f"This server speaks version {wire.PROTOCOL} of the protocol, the phone "
+            f"{header.protocol}; reload the page.",
+            status=400,
+        )
+    camera_of_wire(header.camera)
+    if len(rest) < header.photo_bytes:
+        raise BadUpload(
+            f"The upload is cut off: photo_bytes is {header.photo_bytes}, {len(rest)} came.",
+            status=400,
+        )
+    photo, depth = rest[: header.photo_bytes], rest[header.photo_bytes :]
+    _check_photo(photo, header.camera.pinhole)
+    return Upload(header, photo, _depth(depth, header))
+
+
+def camera_of_wire(camera: wire.Camera) -> Camera:
+    """Return a camera as the stages take it.
+
+    Raises:
+        BadUpload: The pose is not rigid, or the principal point is far off the picture.
+    """
+    k = camera.pinhole
+    low, high = PRINCIPAL_POINT_RANGE
+    for name, value, size in (("cx_px", k.cx_px, k.width_px), ("cy_px", k.cy_px, k.height_px)):
+        if not low * size <= value <= high * size:
+            raise BadUpload(f"camera.pinhole.{name} is {value}, far outside the picture.")
+    matrix = np.eye(4)
+    matrix[:3] = np.array(camera.world_from_cam).reshape(3, 4)
+    try:
+        pose: Rigid[World, Cam] = Rigid.from_matrix(matrix)
+    except ValueError as error:
+        raise BadUpload(f"camera.world_from_cam: {error}.") from error
+    pinhole = Pinhole(
+        k.width_px, k.height_px, float(k.fx_px), float(k.fy_px), float(k.cx_px), float(k.cy_px)
+    )
+    return Camera(pinhole, pose)
+
+
+def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
+    if len(body) < 4:
+        raise BadUpload("The upload is shorter than its own header.", status=400)
+    (length,) = struct.unpack_from("<I", body)
+    if not 2 <= length <= min(MOST_HEADER_BYTES, len(body) - 4):
+        raise BadUpload(
+            f"The header's length is given as {length} of {len(body)} bytes.", status=400
+        )
+    try:
+        header = msgspec.json.decode(body[4 : 4 + length], type=wire.CaptureHeader)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise BadUpload(f"The header is wrong: {error}.") from error
+    return header, body[4 + length :]
+
+
+def _check_photo(photo: bytes, pinhole: wire.Pinhole) -> None:
+    """Look at the JPEG's own size; nothing is decoded."""
+    try:
+        height, width, _, _ = simplejpeg.decode_jpeg_header(photo)
+    except ValueError as error:
+        raise BadUpload("The photo is not a JPEG that can be read.") from error
+    width, height = int(width), int(height)
+    if width * height > MOST_PHOTO_PIXELS:
+        raise BadUpload(
+            f"The photo has {width}x{height} pixels; send at most {MOST_PHOTO_PIXELS:,}."
+        )
+    if (width, height) != (pinhole.width_px, pinhole.height_px):
+        raise BadUpload(
+            f"The photo is {width}x{height}, its camera {pinhole.width_px}x{pinhole.height_px}."
+        )
+
+
+def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"] | None:
+    layout = header.depth
+    expected = 2 * layout.width_px * layout.height_px if layout else 0
+    if len(data) != expected:
+        raise BadUpload(f"{len(data)} bytes of depth came, the header says {expected}.", status=400)
+    if layout is None:
+        return None
+    # One depth pixel more or less changes the aspect; more is another field of view.
+    k = header.camera.pinhole
+    width, height = layout.width_px, layout.height_px
+    if abs(width * k.height_px - height * k.width_px) > max(k.width_px, k.height_px):
+        raise BadUpload(
+            f"The depth map ({width}x{height}) has not the photo's aspect "
+            f"({k.width_px}x{k.height_px}): crop it to the photo's field of view."
+        )
+    return np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)

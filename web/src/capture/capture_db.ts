@@ -1,0 +1,346 @@
+/**
+ * What the phone holds: captures until the server has them, and MPIs so that a reload needs no
+ * download. IndexedDB; what it will not take (storage full, or none in this browser) is held in
+ * memory, and `problem` says so.
+ */
+
+import { openDB, type DBSchema, type IDBPDatabase } from 'idb';
+
+import type { DepthMap } from '../sources/frame_source';
+import type { Camera, NewSession, SessionChange } from '../wire';
+
+/**
+ * `waiting`: to be sent. `failed`: the server refused it; the photo stays here. `stored`: the server
+ * has it on disk. `removing`: undone, the server must still be told. `removed`: undone, and it has
+ * been told; remembered until the session is finished, in case an upload arrives there late.
+ */
+export type StoredState = 'waiting' | 'failed' | 'stored' | 'removing' | 'removed';
+
+export interface StoredCapture {
+  readonly id: string;
+  readonly sessionId: string;
+  /** In which they were taken: goes up, over all sessions of this browser. */
+  readonly order: number;
+  readonly camera: Camera;
+  /** Seconds since 1970. */
+  readonly time_s: number;
+  readonly state: StoredState;
+  /** How often it was begun to be sent; written before the first byte goes out. */
+  readonly attempts: number;
+  /** When `failed`: why. */
+  readonly problem: string | null;
+}
+
+export interface StoredPhoto {
+  readonly id: string;
+  /** Null once the server has it. */
+  readonly jpeg: Blob | null;
+  readonly thumbnail: Blob;
+  readonly depth: DepthMap | null;
+}
+
+export interface StoredSession {
+  readonly id: string;
+  readonly request: NewSession;
+  /** Whether the server knows it. */
+  readonly begun: boolean;
+  /** A name or an end that the server has not been told yet. */
+  readonly pending: SessionChange | null;
+}
+
+interface StoredMpi {
+  readonly id: string;
+  readonly sessionId: string;
+  readonly bytes: ArrayBuffer;
+}
+
+interface Schema extends DBSchema {
+  captures: { key: string; value: StoredCapture; indexes: { sessionId: string } };
+  photos: { key: string; value: StoredPhoto };
+  sessions: { key: string; value: StoredSession };
+  mpis: { key: string; value: StoredMpi; indexes: { sessionId: string } };
+}
+
+type Change<T> = (value: T) => T | null;
+
+const IN_MEMORY = 'Photos are only in memory: keep this page open until they are sent.';
+const FULL = `This browser's storage is full. ${IN_MEMORY}`;
+const NONE = `This browser keeps nothing on disk (a private window?). ${IN_MEMORY}`;
+const BROKEN = `This browser's storage stopped working: reload the page once all is sent. ${IN_MEMORY}`;
+
+/** Written through to the disk, not to a cache of the operating system. */
+const STRICT = { durability: 'strict' } as const;
+
+export class CaptureDb {
+  /** What the disk would not take, or all of it when there is none. */
+  readonly #captures = new Map<string, StoredCapture>();
+  readonly #photos = new Map<string, StoredPhoto>();
+  readonly #sessions = new Map<string, StoredSession>();
+  #problem: string | null;
+
+  private constructor(readonly disk: IDBPDatabase<Schema> | null) {
+    this.#problem = disk === null ? NONE : null;
+  }
+
+  /** Never rejects: without IndexedDB everything is in memory, and `problem` says it. */
+  static async open(name = 'peaking'): Promise<CaptureDb> {
+    try {
+      return new CaptureDb(await openDB<Schema>(name, 1, {
+        upgrade(db) {
+          db.createObjectStore('captures', { keyPath: 'id' }).createIndex('sessionId', 'sessionId');
+          db.createObjectStore('photos', { keyPath: 'id' });
+          db.createObjectStore('sessions', { keyPath: 'id' });
+          db.createObjectStore('mpis', { keyPath: 'id' }).createIndex('sessionId', 'sessionId');
+        },
+      }));
+    } catch {
+      return new CaptureDb(null);
+    }
+  }
+
+  /** A sentence while something is only in memory, else null. */
+  get problem(): string | null {
+    const inMemory = [...this.#photos.values()].some(({ jpeg }) => jpeg !== null);
+    return inMemory || this.#problem !== FULL ? this.#problem : null;
+  }
+
+  close(): void {
+    this.disk?.close();
+  }
+
+  /** Keep a new photo. When it resolves it is on the disk, or `problem` says that it is not. */
+  async add(capture: Omit<StoredCapture, 'order'>, photo: StoredPhoto): Promise<void> {
+    if (this.disk !== null) {
+      try {
+        return await this.#write(this.disk, capture, photo);
+      } catch {
+        // Caches go before photos do: an MPI can be fetched again.
+        await this.disk.clear('mpis').catch(() => undefined);
+      }
+      try {
+        return await this.#write(this.disk, capture, photo);
+      } catch (error) {
+        this.#problem = isQuota(error) ? FULL : BROKEN;
+      }
+    }
+    const order = nextOrder(await this.captures());
+    this.#captures.set(capture.id, { ...capture, order });
+    this.#photos.set(photo.id, photo);
+  }
+
+  /** In the order they were taken; of one session, or of all. */
+  async captures(sessionId?: string): Promise<readonly StoredCapture[]> {
+    const onDisk = await this.#read((disk) => sessionId === undefined
+      ? disk.getAll('captures')
+      : disk.getAllFromIndex('captures', 'sessionId', sessionId)) ?? [];
+    const inMemory = [...this.#captures.values()]
+      .filter((capture) => sessionId === undefined || capture.sessionId === sessionId);
+    return [...onDisk.filter(({ id }) => !this.#captures.has(id)), ...inMemory]
+      .sort((a, b) => a.order - b.order);
+  }
+
+  async photo(id: string): Promise<StoredPhoto | null> {
+    return this.#photos.get(id) ?? await this.#read((disk) => disk.get('photos', id)) ?? null;
+  }
+
+  /**
+   * Change a capture, in one transaction with looking at it: two tabs do not cross. Null from
+   * `change` leaves it as it is.
+   *
+   * @returns It as changed; null when there is none or `change` gave null.
+   */
+  async changeCapture(
+    id: string, change: Change<StoredCapture>,
+  ): Promise<StoredCapture | null> {
+    const inMemory = this.#captures.get(id);
+    if (inMemory !== undefined) {
+      const next = change(inMemory);
+      if (next !== null) this.#captures.set(id, next);
+      return next;
+    }
+    if (this.disk === null) return null;
+    const tx = this.disk.transaction('captures', 'readwrite', STRICT);
+    const current = await tx.store.get(id);
+    const next = current === undefined ? null : change(current);
+    if (next !== null) await tx.store.put(next);
+    await tx.done;
+    return next;
+  }
+
+  /** The server has it: its photo goes, its thumbnail stays. An undo meanwhile is kept. */
+  async acknowledge(id: string): Promise<void> {
+    await this.changeCapture(id, (capture) => {
+      const undone = capture.state === 'removing' || capture.state === 'removed';
+      return { ...capture, state: undone ? 'removing' : 'stored', problem: null };
+    });
+    await this.#dropPhoto(id, true);
+  }
+
+  /**
+   * Undo. One that was never begun to be sent is gone at once; of any other a mark stays, so that
+   * the server will be told. `known` serves for a capture that only the server has.
+   */
+  async remove(id: string, known: Omit<StoredCapture, 'order' | 'state'> | null): Promise<void> {
+    const changed = await this.changeCapture(id, (capture) =>
+      ({ ...capture, state: capture.attempts === 0 ? 'removed' : 'removing' }));
+    if (changed === null && known !== null) await this.#addMark({ ...known, state: 'removing' });
+    if (changed?.state === 'removed') await this.#dropPhoto(id, false);
+    await this.forgetMpi(id);
+  }
+
+  /** The server was told of the undo. */
+  async confirmRemoval(id: string): Promise<void> {
+    await this.changeCapture(id, (capture) => ({ ...capture, state: 'removed' }));
+    await this.#dropPhoto(id, false);
+  }
+
+  async session(id: string): Promise<StoredSession | null> {
+    return this.#sessions.get(id) ?? await this.#read((disk) => disk.get('sessions', id)) ?? null;
+  }
+
+  async sessions(): Promise<readonly StoredSession[]> {
+    const onDisk = await this.#read((disk) => disk.getAll('sessions')) ?? [];
+    return [...onDisk.filter(({ id }) => !this.#sessions.has(id)), ...this.#sessions.values()];
+  }
+
+  async putSession(session: StoredSession): Promise<void> {
+    try {
+      if (this.disk === null) throw new Error(NONE);
+      await this.disk.put('sessions', session);
+      this.#sessions.delete(session.id);
+    } catch {
+      this.#sessions.set(session.id, session);
+    }
+  }
+
+  async changeSession(id: string, change: Change<StoredSession>): Promise<void> {
+    const inMemory = this.#sessions.get(id);
+    if (inMemory !== undefined || this.disk === null) {
+      const next = inMemory === undefined ? null : change(inMemory);
+      if (next !== null) this.#sessions.set(id, next);
+      return;
+    }
+    const tx = this.disk.transaction('sessions', 'readwrite');
+    const current = await tx.store.get(id);
+    const next = current === undefined ? null : change(current);
+    if (next !== null) await tx.store.put(next);
+    await tx.done;
+  }
+
+  /** A session is finished: all that the server has goes; photos it refused stay. */
+  async forgetSession(sessionId: string): Promise<void> {
+    let kept = 0;
+    for (const { id, state } of await this.captures(sessionId)) {
+      await this.forgetMpi(id);
+      if (state !== 'stored' && state !== 'removed') { kept += 1; continue; }
+      this.#captures.delete(id);
+      this.#photos.delete(id);
+      await this.disk?.delete('captures', id);
+      await this.disk?.delete('photos', id);
+    }
+    await this.#forgetMpis((mpi) => mpi.sessionId === sessionId);
+    if (kept > 0) return;
+    this.#sessions.delete(sessionId);
+    await this.disk?.delete('sessions', sessionId);
+  }
+
+  async mpi(id: string): Promise<ArrayBuffer | null> {
+    return (await this.#read((disk) => disk.get('mpis', id)))?.bytes ?? null;
+  }
+
+  /** A cache only: when there is no room, the MPI is fetched again next time. */
+  async keepMpi(sessionId: string, id: string, bytes: ArrayBuffer): Promise<void> {
+    await this.disk?.put('mpis', { id, sessionId, bytes }).catch(() => undefined);
+  }
+
+  async forgetMpi(id: string): Promise<void> {
+    await this.disk?.delete('mpis', id);
+  }
+
+  async #write(
+    disk: IDBPDatabase<Schema>, capture: Omit<StoredCapture, 'order'>, photo: StoredPhoto,
+  ): Promise<void> {
+    const tx = disk.transaction(['captures', 'photos'], 'readwrite', STRICT);
+    tx.done.catch(() => undefined);
+    try {
+      const captures = tx.objectStore('captures');
+      const order = nextOrder([...await captures.getAll(), ...this.#captures.values()]);
+      await captures.put({ ...capture, order });
+      await tx.objectStore('photos').put(photo);
+    } catch (error) {
+      abort(tx);
+      throw error;
+    }
+    await tx.done;
+  }
+
+  /** Null, and a `problem`, when the disk cannot be read any more. */
+  async #read<T>(read: (disk: IDBPDatabase<Schema>) => Promise<T>): Promise<T | null> {
+    if (this.disk === null) return null;
+    try {
+      return await read(this.disk);
+    } catch {
+      this.#problem = BROKEN;
+      return null;
+    }
+  }
+
+  async #forgetMpis(which: (mpi: { id: string; sessionId: string }) => boolean): Promise<void> {
+    if (this.disk === null) return;
+    const tx = this.disk.transaction('mpis', 'readwrite');
+    for await (const cursor of tx.store) if (which(cursor.value)) await cursor.delete();
+    await tx.done;
+  }
+
+  async #addMark(capture: Omit<StoredCapture, 'order'>): Promise<void> {
+    const mark = { ...capture, order: nextOrder(await this.captures()) };
+    try {
+      if (this.disk === null) throw new Error(NONE);
+      await this.disk.put('captures', mark);
+    } catch {
+      this.#captures.set(mark.id, mark);
+    }
+  }
+
+  async #dropPhoto(id: string, keepThumbnail: boolean): Promise<void> {
+    const photo = await this.photo(id);
+    if (photo === null) return;
+    const rest = { ...photo, jpeg: null, depth: null };
+    if (this.#photos.has(id)) {
+      if (keepThumbnail) this.#photos.set(id, rest);
+      else this.#photos.delete(id);
+    } else if (keepThumbnail) {
+      await this.disk?.put('photos', rest);
+    } else {
+      await this.disk?.delete('photos', id);
+    }
+  }
+}
+
+/** So that a capture is never there without its photo. */
+function abort(tx: { abort(): void }): void {
+  try {
+    tx.abort();
+  } catch {
+    // It was aborted by the failure itself.
+  }
+}
+
+function isQuota(error: unknown): boolean {
+  return error instanceof DOMException && error.name === 'QuotaExceededError';
+}
+
+function nextOrder(captures: readonly StoredCapture[]): number {
+  return 1 + captures.reduce((latest, { order }) => Math.max(latest, order), 0);
+}
+
+/** Ask the browser not to clear our storage when it needs room. @returns Whether it promised. */
+export async function askToPersist(
+  storage: Pick<StorageManager, 'persist'> | undefined = globalThis.navigator?.storage,
+): Promise<boolean> {
+  try {
+    return await storage?.persist?.() ?? false;
+  } catch {
+    return false;
+  }
+}

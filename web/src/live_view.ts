@@ -1,0 +1,162 @@
+/**
+ * The loop of the photographer: a live picture comes, the reconstruction is rendered for its pose,
+ * compared and drawn; the shutter adds a view, and its MPI joins when the server has made it.
+ */
+
+import type { CaptureSession, CapturedView } from './capture/capture_session';
+import { PhotoReader } from './capture/photo';
+import type { Camera } from './geometry';
+import { Motion } from './motion';
+import { MpiDecoder } from './mpi/decoder';
+import { MpiStore } from './mpi/mpi_store';
+import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
+import type { LiveFrame } from './sources/frame_source';
+import { Timeline } from './timeline';
+import type { Options } from './wire';
+
+/** Why the shutter does nothing now; null when it works. */
+export type Hindrance = 'no-picture' | 'tracking-lost' | 'no-depth' | 'too-fast' | 'busy' | null;
+
+export interface LiveState {
+  readonly seen: Seen | null;
+  readonly hindrance: Hindrance;
+  readonly camera: Camera | null;
+}
+
+/** Depth may be late by so many frames after tracking began before its absence is said. */
+const DEPTH_PATIENCE_FRAMES = 15;
+
+/** Looking for depth costs a copy on phones, so not at every frame. */
+const DEPTH_EVERY_FRAMES = 15;
+
+const MAX_RESIDENT = 12;
+
+export class LiveView implements Disposable {
+  readonly timeline = new Timeline();
+  readonly store: MpiStore;
+  look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
+
+  #renderer: ViewRenderer;
+  readonly #decoder = new MpiDecoder();
+  readonly #photos: PhotoReader;
+  readonly #motion = new Motion();
+  readonly #known = new Set<string>();
+  #wanted: ((captureId: string) => void) | null = null;
+  #busy = false;
+  #frames = 0;
+  #framesWithoutDepth = 0;
+  #hasDepth = false;
+  #state: LiveState = { seen: null, hindrance: 'no-picture', camera: null };
+
+  constructor(
+    gl: WebGL2RenderingContext,
+    readonly options: Options,
+    readonly session: CaptureSession,
+    readonly onProblem: (problem: string) => void,
+  ) {
+    this.#renderer = new ViewRenderer(gl, options);
+    this.store = new MpiStore(gl, { decoder: this.#decoder, maxResident: MAX_RESIDENT });
+    this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
+    this.#photos = new PhotoReader(gl);
+    session.subscribe(() => this.#follow(session.views));
+    this.#follow(session.views);
+  }
+
+  get state(): LiveState {
+    return this.#state;
+  }
+
+  get frames(): number {
+    return this.#frames;
+  }
+
+  /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */
+  shoot(taken: (captureId: string) => void): void {
+    if (this.#state.hindrance === null) this.#wanted = taken;
+  }
+
+  /** To be called for every frame of the source. */
+  draw(frame: LiveFrame): void {
+    this.#frames += 1;
+    this.#motion.update(frame.time_ms, frame.camera);
+    this.#lookForDepth(frame);
+    const taken = this.#wanted;
+    if (taken !== null && frame.camera !== null && frame.image !== null) {
+      this.#wanted = null;
+      this.#busy = true;
+      void this.#take(frame, taken);
+    }
+    const seen = this.#renderer.draw(frame, this.store, this.look);
+    for (const id of seen.viewIds) this.timeline.mark(id, 'drawn', performance.now());
+    this.#state = { seen, hindrance: this.#hindrance(frame), camera: frame.camera };
+  }
+
+  [Symbol.dispose](): void {
+    this.#renderer[Symbol.dispose]();
+    this.store[Symbol.dispose]();
+  }
+
+  async #take(frame: LiveFrame, taken: (captureId: string) => void): Promise<void> {
+    const pressed_ms = performance.now();
+    try {
+      const photo = await this.#photos.read(frame);
+      const read_ms = performance.now();
+      const id = await this.session.shutter(photo);
+      this.timeline.mark(id, 'shutter', pressed_ms);
+      this.timeline.mark(id, 'photo', read_ms);
+      this.timeline.mark(id, 'kept', performance.now());
+      taken(id);
+    } catch (error) {
+      this.onProblem(error instanceof Error ? error.message : String(error));
+    } finally {
+      this.#busy = false;
+    }
+  }
+
+  /** Bring the store to what the session has: ready views in, undone ones out. */
+  #follow(views: readonly CapturedView[]): void {
+    const now_ms = performance.now();
+    const present = new Set<string>();
+    for (const view of views) {
+      present.add(view.id);
+      if (view.state === 'queued' || view.state === 'ready') {
+        this.timeline.mark(view.id, 'acknowledged', now_ms);
+      }
+      if (view.state !== 'ready') continue;
+      this.timeline.mark(view.id, 'ready', now_ms);
+      if (this.#known.has(view.id)) continue;
+      this.#known.add(view.id);
+      this.store.add(view.id, view.camera, async () => {
+        const bytes = await this.session.mpiBytes(view.id);
+        this.timeline.mark(view.id, 'fetched', performance.now());
+        return bytes;
+      });
+    }
+    for (const id of this.#known) {
+      if (present.has(id)) continue;
+      this.#known.delete(id);
+      this.store.remove(id);
+    }
+  }
+
+  #lookForDepth(frame: LiveFrame): void {
+    if (frame.camera === null) return;
+    if (this.#hasDepth && this.#frames % DEPTH_EVERY_FRAMES !== 0) return;
+    this.#hasDepth = frame.depth() !== null;
+    this.#framesWithoutDepth = this.#hasDepth ? 0 : this.#framesWithoutDepth + 1;
+  }
+
+  #hindrance(frame: LiveFrame): Hindrance {
+    if (frame.camera === null) return this.#frames > 1 ? 'tracking-lost' : 'no-picture';
+    if (frame.image === null) return 'no-picture';
+    if (this.#busy) return 'busy';
+    if (!this.#hasDepth) return 'no-depth';
+    if (this.#motion.tooFast) return 'too-fast';
+    return null;
+  }
+
+  /** Depth has been missing for so long that it should be said. */
+  get depthIsMissing(): boolean {
+    return this.#framesWithoutDepth > DEPTH_PATIENCE_FRAMES;
+  }
+}

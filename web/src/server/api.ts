@@ -1,0 +1,304 @@
+/**
+ * The server's addresses, typed: docs/protocol.md. A browser that was paired carries a cookie, so
+ * nothing here knows the token after `pair`.
+ */
+
+import type {
+  Capture, NewSession, PeakedSample, PeakedSamples, RecordingIndex, ServerInfo, Session,
+  SessionChange, SessionSummary,
+} from '../wire';
+import { PROTOCOL } from '../wire';
+
+/** The server refused, or did not answer (`status` 0). `problem` is a sentence for people. */
+export class ApiError extends Error {
+  override readonly name = 'ApiError';
+
+  constructor(
+    /** HTTP status; 0 when there was no answer of this server at all. */
+    readonly status: number,
+    readonly problem: string,
+    /** The server's `Retry-After`, seconds. */
+    readonly retryAfter_s: number | null = null,
+  ) {
+    super(problem);
+  }
+}
+
+export interface ApiOptions {
+  readonly fetch?: typeof fetch;
+  /** For small requests. */
+  readonly timeout_ms?: number;
+  /** For photos, MPIs and recorded frames: a phone at the edge of its Wi-Fi is slow. */
+  readonly bulkTimeout_ms?: number;
+}
+
+/** What `pairFromHash` needs of a window. */
+export interface PairingPage {
+  readonly location: Pick<Location, 'hash' | 'pathname' | 'search'>;
+  readonly history: Pick<History, 'replaceState'>;
+}
+
+interface Request {
+  readonly json?: object;
+  readonly body?: Blob;
+  readonly headers?: Readonly<Record<string, string>>;
+  readonly bulk?: boolean;
+  readonly signal?: AbortSignal | undefined;
+}
+
+const NO_ANSWER = 'The server does not answer. Is it running, and is this device in its network?';
+const NOT_OURS = 'Something that is not the peaking server answered (a Wi-Fi login page?).';
+
+export class Api {
+  readonly #fetch: typeof fetch;
+  readonly #timeout_ms: number;
+  readonly #bulkTimeout_ms: number;
+
+  /** @param base Origin of the server; '' for the one this page came from. */
+  constructor(readonly base = '', options: ApiOptions = {}) {
+    this.#fetch = options.fetch ?? ((input, init) => fetch(input, init));
+    this.#timeout_ms = options.timeout_ms ?? 15_000;
+    this.#bulkTimeout_ms = options.bulkTimeout_ms ?? 120_000;
+  }
+
+  /** @throws ApiError also when the server speaks another version of the protocol. */
+  async server(): Promise<ServerInfo> {
+    const info = await this.#json<ServerInfo>('GET', '/server');
+    if (info.protocol !== PROTOCOL) {
+      throw new ApiError(0, `The server speaks version ${info.protocol} of the protocol and this `
+        + `page version ${PROTOCOL}: reload the page, or update the older of the two.`);
+    }
+    return info;
+  }
+
+  async pair(token: string): Promise<void> {
+    await this.#ask('POST', '/pair', { headers: { Authorization: `Bearer ${token}` } });
+  }
+
+  /**
+   * Pair with the token of the link (`#token=…`) if there is one, and take it out of the address
+   * bar as soon as the server has answered; without an answer it stays, so a reload tries again.
+   *
+   * @returns Whether there was a token.
+   */
+  async pairFromHash(page: PairingPage = window): Promise<boolean> {
+    const fragment = new URLSearchParams(page.location.hash.replace(/^#/, ''));
+    const token = fragment.get('token');
+    if (token === null || token === '') return false;
+    try {
+      await this.pair(token);
+    } catch (error) {
+      if (error instanceof ApiError && error.status === 0) throw error;
+      this.#hideToken(page, fragment);
+      throw error;
+    }
+    this.#hideToken(page, fragment);
+    return true;
+  }
+
+  sessions(): Promise<readonly SessionSummary[]> {
+    return this.#json('GET', '/sessions');
+  }
+
+  /** Begin a session, or find it again: the same id is the same session. */
+  beginSession(session: NewSession): Promise<Session> {
+    return this.#json('POST', '/sessions', { json: session });
+  }
+
+  session(sessionId: string): Promise<Session> {
+    return this.#json('GET', sessionPath(sessionId));
+  }
+
+  changeSession(sessionId: string, change: SessionChange): Promise<SessionSummary> {
+    return this.#json('PATCH', sessionPath(sessionId), { json: change });
+  }
+
+  /**
+   * Send a photo (`uploadBody`). May be repeated: the same id is stored once. When it resolves, the
+   * server has it on its disk.
+   */
+  async uploadCapture(
+    sessionId: string, captureId: string, body: Blob, signal?: AbortSignal,
+  ): Promise<Capture> {
+    return this.#capture('POST', sessionId, captureId, { body, bulk: true, signal });
+  }
+
+  /** Undo. May be repeated. @throws ApiError 404 when the server never had it. */
+  async removeCapture(sessionId: string, captureId: string): Promise<Capture> {
+    return this.#capture('DELETE', sessionId, captureId, {});
+  }
+
+  /** @throws ApiError 404 when it is not made yet. */
+  mpi(sessionId: string, captureId: string, signal?: AbortSignal): Promise<ArrayBuffer> {
+    return this.#bytes(`${capturePath(sessionId, captureId)}/mpi`, signal);
+  }
+
+  postPeaked(sessionId: string, samples: readonly PeakedSample[]): Promise<unknown> {
+    const json: PeakedSamples = { samples };
+    return this.#ask('POST', `${sessionPath(sessionId)}/peaked`, { json });
+  }
+
+  peaked(sessionId: string): Promise<PeakedSamples> {
+    return this.#json('GET', `${sessionPath(sessionId)}/peaked`);
+  }
+
+  recording(name: string): Promise<RecordingIndex> {
+    return this.#json('GET', recordingPath(name));
+  }
+
+  async recordedPhoto(name: string, index: number, signal?: AbortSignal): Promise<Blob> {
+    const response = await this.#ask('GET', `${recordingPath(name)}/frames/${index}/photo`,
+      { bulk: true, signal });
+    return read(response.blob());
+  }
+
+  /** Millimetres, rows from the top; the size is in the recording's index. */
+  async recordedDepth(
+    name: string, index: number, signal?: AbortSignal,
+  ): Promise<Uint16Array<ArrayBuffer>> {
+    return new Uint16Array(
+      await this.#bytes(`${recordingPath(name)}/frames/${index}/depth`, signal));
+  }
+
+  /** Server-sent events of one session, as bytes; `events.ts` reads them. */
+  sessionEventBytes(sessionId: string, signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
+    return this.#eventBytes(`${sessionPath(sessionId)}/events`, signal);
+  }
+
+  /** Server-sent events of the list of sessions. */
+  serverEventBytes(signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
+    return this.#eventBytes('/events', signal);
+  }
+
+  photoUrl(sessionId: string, captureId: string): string {
+    return this.#url(`${capturePath(sessionId, captureId)}/photo`);
+  }
+
+  thumbnailUrl(sessionId: string, captureId: string): string {
+    return this.#url(`${capturePath(sessionId, captureId)}/thumbnail`);
+  }
+
+  datasetUrl(sessionId: string): string {
+    return this.#url(`${sessionPath(sessionId)}/dataset.zip`);
+  }
+
+  #url(path: string): string {
+    return `${this.base}/api/v1${path}`;
+  }
+
+  #hideToken(page: PairingPage, fragment: URLSearchParams): void {
+    fragment.delete('token');
+    const rest = fragment.toString();
+    const { pathname, search } = page.location;
+    page.history.replaceState(null, '', pathname + search + (rest === '' ? '' : `#${rest}`));
+  }
+
+  async #capture(
+    method: string, sessionId: string, captureId: string, request: Request,
+  ): Promise<Capture> {
+    const capture = await this.#json<Capture>(method, capturePath(sessionId, captureId), request);
+    // A photo is thrown away on the strength of this answer, so it must be the answer to it.
+    if (capture.id !== captureId) throw new ApiError(0, NOT_OURS);
+    return capture;
+  }
+
+  async #eventBytes(path: string, signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
+    const response = await this.#send(path, {
+      signal, cache: 'no-store', headers: { Accept: 'text/event-stream' },
+    });
+    const type = response.headers.get('Content-Type') ?? '';
+    if (response.body === null || !type.startsWith('text/event-stream')) {
+      throw new ApiError(0, NOT_OURS);
+    }
+    return response.body;
+  }
+
+  async #bytes(path: string, signal: AbortSignal | undefined): Promise<ArrayBuffer> {
+    const response = await this.#ask('GET', path, { bulk: true, signal });
+    return read(response.arrayBuffer());
+  }
+
+  async #json<T>(method: string, path: string, request: Request = {}): Promise<T> {
+    const response = await this.#ask(method, path, request);
+    const text = await read(response.text());
+    try {
+      const value: unknown = JSON.parse(text);
+      if (typeof value === 'object' && value !== null) return value as T;
+    } catch {
+      // Falls through: a page of HTML where JSON should be.
+    }
+    throw new ApiError(0, NOT_OURS);
+  }
+
+  #ask(method: string, path: string, request: Request): Promise<Response> {
+    const timeout = AbortSignal.timeout(request.bulk ? this.#bulkTimeout_ms : this.#timeout_ms);
+    const signal = request.signal ? AbortSignal.any([request.signal, timeout]) : timeout;
+    const init: RequestInit = { method, signal, headers: { ...request.headers } };
+    if (request.json !== undefined) {
+      init.body = JSON.stringify(request.json);
+      init.headers = { ...init.headers, 'Content-Type': 'application/json' };
+    } else if (request.body !== undefined) {
+      init.body = request.body;
+      init.headers = { ...init.headers, 'Content-Type': 'application/octet-stream' };
+    }
+    return this.#send(path, init);
+  }
+
+  /** Follows no redirect: the API has none, and a Wi-Fi login page has. */
+  async #send(path: string, init: RequestInit): Promise<Response> {
+    const response = await read(this.#fetch(this.#url(path), { ...init, redirect: 'error' }));
+    if (!response.ok) throw await refusal(response);
+    return response;
+  }
+}
+
+function sessionPath(sessionId: string): string {
+  return `/sessions/${encodeURIComponent(sessionId)}`;
+}
+
+function capturePath(sessionId: string, captureId: string): string {
+  return `${sessionPath(sessionId)}/captures/${encodeURIComponent(captureId)}`;
+}
+
+function recordingPath(name: string): string {
+  return `/recordings/${encodeURIComponent(name)}`;
+}
+
+/** Turns a connection that failed or timed out into an ApiError; what the caller aborted stays. */
+async function read<T>(promise: Promise<T>): Promise<T> {
+  try {
+    return await promise;
+  } catch (error) {
+    if (error instanceof DOMException && error.name === 'AbortError') throw error;
+    throw new ApiError(0, NO_ANSWER);
+  }
+}
+
+async function refusal(response: Response): Promise<ApiError> {
+  const text = await response.text().catch(() => '');
+  const retryAfter_s = Number.parseFloat(response.headers.get('Retry-After') ?? '');
+  return new ApiError(response.status, problemIn(text) ?? sentenceOf(response.status),
+    Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null);
+}
+
+function problemIn(text: string): string | null {
+  try {
+    const body: unknown = JSON.parse(text);
+    const problem: unknown = typeof body === 'object' && body !== null && 'problem' in body
+      ? body.problem : null;
+    return typeof problem === 'string' && problem !== '' ? problem : null;
+  } catch {
+    return null;
+  }
+}
+
+function sentenceOf(status: number): string {
+  switch (status) {
+    case 401: return 'This browser is not paired with the server: open the link, or scan the QR '
+      + 'code, that the server shows.';
+    case 404: return 'The server does not have this.';
+    case 413: return 'The photo is larger than the server takes.';
+    case 507: return "The server's disk is full.";
+    default: return `The server answered with status ${status} and said no more.`;
+  }
+}

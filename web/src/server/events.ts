@@ -1,0 +1,118 @@
+/**
+ * News from the server, with reconnection. Every stream begins with the whole state, so nothing is
+ * lost by reconnecting.
+ *
+ * Read by `fetch`, not by `EventSource`: that hides the status (a 401 must say "pair again"), and
+ * hides the server's pings, by whose absence a connection that died in silence is known.
+ */
+
+import type { ServerEvent, SessionEvent } from '../wire';
+import { ApiError, type Api } from './api';
+import { EventStreamReader } from './event_stream';
+import { backoff_ms, browserPacing, type Pacing } from './pacing';
+
+export type Connection = 'connecting' | 'online' | 'offline';
+
+export interface EventsListener<Event> {
+  onEvent(event: Event): void;
+  /** `refusal` is given when it is offline because the server answered 400 or above. */
+  onConnection(connection: Connection, refusal: ApiError | null): void;
+}
+
+export interface EventsOptions {
+  readonly pacing?: Pacing;
+  /** Fires `online` and `offline`; a window. */
+  readonly network?: EventTarget | null;
+}
+
+/** The server pings every 10 s; after so long without a byte the connection is dead. */
+const SILENCE_MS = 35_000;
+
+/** Follow one session until the signal aborts; then resolves. */
+export function sessionEvents(
+  api: Api, sessionId: string, listener: EventsListener<SessionEvent>, signal: AbortSignal,
+  options: EventsOptions = {},
+): Promise<void> {
+  return follow((open) => api.sessionEventBytes(sessionId, open), listener, signal, options);
+}
+
+/** Follow the list of sessions until the signal aborts; then resolves. */
+export function serverEvents(
+  api: Api, listener: EventsListener<ServerEvent>, signal: AbortSignal,
+  options: EventsOptions = {},
+): Promise<void> {
+  return follow((open) => api.serverEventBytes(open), listener, signal, options);
+}
+
+async function follow<Event>(
+  open: (signal: AbortSignal) => Promise<ReadableStream<Uint8Array>>,
+  listener: EventsListener<Event>, signal: AbortSignal, options: EventsOptions,
+): Promise<void> {
+  const pacing = options.pacing ?? browserPacing;
+  const network = options.network === undefined ? globalThis : options.network;
+  let failures = 0;
+  listener.onConnection('connecting', null);
+  while (!signal.aborted) {
+    let refusal: ApiError | null = null;
+    const connection = new AbortController();
+    const drop = (): void => connection.abort();
+    signal.addEventListener('abort', drop);
+    network?.addEventListener('offline', drop);
+    try {
+      const bytes = await open(connection.signal);
+      failures = 0;
+      listener.onConnection('online', null);
+      await readEvents(bytes, listener, connection, pacing);
+    } catch (error) {
+      if (error instanceof ApiError && error.status > 0) refusal = error;
+      else if (!(error instanceof ApiError) && !isAbort(error)) throw error;
+    } finally {
+      signal.removeEventListener('abort', drop);
+      network?.removeEventListener('offline', drop);
+      connection.abort();
+    }
+    if (signal.aborted) return;
+    failures += 1;
+    listener.onConnection('offline', refusal);
+    await untilOnline(backoff_ms(failures, pacing), signal, network, pacing);
+  }
+}
+
+async function readEvents<Event>(
+  bytes: ReadableStream<Uint8Array>, listener: EventsListener<Event>,
+  connection: AbortController, pacing: Pacing,
+): Promise<void> {
+  const reader = bytes.getReader();
+  const stop = (): void => void reader.cancel().catch(() => undefined);
+  connection.signal.addEventListener('abort', stop);
+  const decoder = new TextDecoder();
+  const events = new EventStreamReader();
+  for (;;) {
+    const heard = new AbortController();
+    void pacing.sleep(SILENCE_MS, heard.signal).then(() => {
+      if (!heard.signal.aborted) connection.abort();
+    });
+    const piece = await reader.read().catch(() => null);
+    heard.abort();
+    if (piece === null || piece.done || connection.signal.aborted) return;
+    for (const data of events.push(decoder.decode(piece.value, { stream: true }))) {
+      listener.onEvent(JSON.parse(data) as Event);
+    }
+  }
+}
+
+function isAbort(error: unknown): boolean {
+  return error instanceof DOMException && error.name === 'AbortError';
+}
+
+async function untilOnline(
+  duration_ms: number, signal: AbortSignal, network: EventTarget | null, pacing: Pacing,
+): Promise<void> {
+  const wake = new AbortController();
+  const stop = (): void => wake.abort();
+  network?.addEventListener('online', stop);
+  signal.addEventListener('abort', stop);
+  await pacing.sleep(duration_ms, wake.signal);
+  network?.removeEventListener('online', stop);
+  signal.removeEventListener('abort', stop);
+}

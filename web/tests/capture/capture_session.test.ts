@@ -1,0 +1,392 @@
+import 'fake-indexeddb/auto';
+
+import { IDBObjectStore } from 'fake-indexeddb';
+import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
+
+import { CaptureDb } from '../../src/capture/capture_db';
+import type { CaptureSession } from '../../src/capture/capture_session';
+import { ModelServer, problem } from './model_server';
+import { ModelBrowser, ModelClock, photo, settle } from './support';
+
+let server: ModelServer;
+let browser: ModelBrowser;
+let clock: ModelClock;
+
+beforeEach(() => {
+  server = new ModelServer();
+  clock = new ModelClock();
+  browser = new ModelBrowser(server, clock);
+});
+
+afterEach(() => {
+  browser.close();
+  vi.restoreAllMocks();
+});
+
+const states = (session: CaptureSession): string[] => session.views.map(({ state }) => state);
+const allQueued = (session: CaptureSession, count: number) => (): boolean =>
+  states(session).join() === Array<string>(count).fill('queued').join();
+
+test('a photo is on disk before the shutter confirms, and off it when the server has it', async () => {
+  server.stop();
+  const session = await browser.open();
+  const id = await session.shutter(photo(1));
+  const db = await CaptureDb.open(browser.name);
+  expect(await (await db.photo(id))?.jpeg?.text()).toBe('photo at 1');
+  expect(states(session)).toEqual(['waiting']);
+  server.start();
+  await clock.until(allQueued(session, 1));
+  expect((await db.photo(id))?.jpeg).toBeNull();
+  expect(server.alive()).toEqual([id]);
+  server.ready(id);
+  await clock.until(() => session.views[0]?.state === 'ready');
+  expect(session.views[0]).toMatchObject({ number: 1, problem: null, onServer: true });
+  db.close();
+});
+
+test('a lost reply, then a retry: one capture', async () => {
+  const session = await browser.open();
+  let lost = 0;
+  server.fault = (what) => what.startsWith('POST b') && lost++ < 2 ? 'reply lost' : null;
+  const id = await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  await clock.until(async () => await session.photo(id) === null);
+  expect(lost).toBe(3);
+  expect(server.writes).toEqual(new Map([[id, 1]]));
+});
+
+test('five captures offline, then online: all of them, in order', async () => {
+  const session = await browser.open();
+  await clock.until(() => session.snapshot.connection === 'online');
+  server.stop();
+  await clock.until(() => session.snapshot.connection === 'offline');
+  const ids: string[] = [];
+  for (let i = 0; i < 5; i++) ids.push(await session.shutter(photo(i + 1)));
+  await clock.until(() => session.snapshot.trouble !== null);
+  expect(states(session).filter((state) => state === 'queued')).toEqual([]);
+  server.start();
+  browser.network.dispatchEvent(new Event('online'));
+  await clock.until(allQueued(session, 5));
+  await clock.until(() => session.snapshot.connection === 'online');
+  expect(server.alive()).toEqual(ids);
+  expect(session.views.map(({ number }) => number)).toEqual([1, 2, 3, 4, 5]);
+  expect(session.snapshot.trouble).toBeNull();
+});
+
+test('the network coming back ends the backoff at once', async () => {
+  server.stop();
+  const session = await browser.open();
+  await session.shutter(photo(1));
+  await clock.until(() => clock.now_ms > 60_000);
+  server.start();
+  const before_ms = clock.now_ms;
+  browser.network.dispatchEvent(new Event('online'));
+  await settle(allQueued(session, 1));
+  expect(states(session)).toEqual(['queued']);
+  expect(clock.now_ms).toBe(before_ms);
+});
+
+test('a reload in the middle goes on where it was', async () => {
+  server.stop();
+  let session = await browser.open();
+  const first = await session.shutter(photo(1));
+  const { id } = session;
+  browser.close();
+  session = await browser.open();
+  expect(session.id).toBe(id);
+  expect(states(session)).toEqual(['waiting']);
+  const second = await session.shutter(photo(2));
+  server.fault = (what) => what === `POST ${first}` ? 'reply lost' : null;
+  server.start();
+  await clock.until(() => server.alive().includes(first));
+  browser.close();
+  server.fault = () => null;
+  session = await browser.open();
+  await clock.until(allQueued(session, 2));
+  expect(server.alive()).toEqual([first, second]);
+  expect(server.writes.get(first)).toBe(1);
+});
+
+test('without resuming, an old session is sent while a new one begins', async () => {
+  server.stop();
+  const old = await browser.open();
+  const id = await old.shutter(photo(1));
+  browser.close();
+  const session = await browser.open({ resume: false });
+  expect(session.id).not.toBe(old.id);
+  expect(session.snapshot.waitingElsewhere).toBe(1);
+  server.start();
+  await clock.until(() => session.snapshot.waitingElsewhere === 0 && server.alive().length === 1);
+  expect(server.sessions.get(old.id)?.captures.map((capture) => capture.id)).toEqual([id]);
+});
+
+test('a server that restarts without knowing the session is told of it again', async () => {
+  const session = await browser.open();
+  const first = await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  server.stop();
+  server.sessions.clear();
+  const second = await session.shutter(photo(2));
+  server.start();
+  await clock.until(() => server.alive().includes(second));
+  expect(server.sessions.has(session.id)).toBe(true);
+  expect(first).not.toBe(second);
+});
+
+describe('refusals', () => {
+  test('a full disk keeps the capture here and says so', async () => {
+    const session = await browser.open();
+    let full = true;
+    server.fault = (what) => full && what.startsWith('POST b') ? 507 : null;
+    const id = await session.shutter(photo(1));
+    await clock.until(() => session.snapshot.trouble !== null);
+    expect(session.snapshot.trouble).toBe('fault 507');
+    expect(await session.photo(id)).not.toBeNull();
+    expect(states(session)).toEqual(['waiting']);
+    full = false;
+    await clock.until(allQueued(session, 1));
+    expect(session.snapshot.trouble).toBeNull();
+  });
+
+  test('without the pairing everything waits', async () => {
+    const session = await browser.open();
+    let paired = false;
+    server.fault = () => paired ? null : new Response('', { status: 401 });
+    const id = await session.shutter(photo(1));
+    await clock.until(() => session.snapshot.trouble?.includes('not paired') ?? false);
+    expect(await session.photo(id)).not.toBeNull();
+    paired = true;
+    await clock.until(allQueued(session, 1));
+  });
+
+  test('a photo that is refused stays, and the next goes on', async () => {
+    const session = await browser.open();
+    let strict = true;
+    const first = await (async () => {
+      server.fault = (what) => strict && what.endsWith('0001') ? 413 : null;
+      return session.shutter(photo(1));
+    })();
+    const second = await session.shutter(photo(2));
+    await clock.until(() => server.alive().includes(second));
+    await clock.until(() => states(session).join() === 'failed,queued');
+    expect(session.views[0]?.problem).toBe('fault 413');
+    expect(await (await session.photo(first))?.text()).toBe('photo at 1');
+    strict = false;
+    await session.retry(first);
+    await clock.until(allQueued(session, 2));
+  });
+
+  test('Retry-After is kept, whatever is pressed meanwhile', async () => {
+    const session = await browser.open();
+    await clock.until(() => session.snapshot.connection === 'online');
+    let busy = true;
+    server.fault = (what) => {
+      if (!busy || !what.startsWith('POST b')) return null;
+      busy = false;
+      return new Response('{"problem": "busy"}',
+        { status: 503, headers: { 'Retry-After': '7' } });
+    };
+    const began_ms = clock.now_ms;
+    await session.shutter(photo(1));
+    await clock.until(() => session.snapshot.trouble === 'busy');
+    await session.shutter(photo(2));
+    browser.network.dispatchEvent(new Event('online'));
+    await clock.until(allQueued(session, 2));
+    expect(clock.now_ms - began_ms).toBeGreaterThanOrEqual(7000);
+  });
+
+  test('a photo at which the server fails does not hold up the others', async () => {
+    const session = await browser.open();
+    server.fault = (what) => what.startsWith('POST b') && what.endsWith('0001') ? 500 : null;
+    const first = await session.shutter(photo(1));
+    const second = await session.shutter(photo(2));
+    await clock.until(() => server.alive().includes(second));
+    expect(await session.photo(first)).not.toBeNull();
+  });
+
+  test('a Wi-Fi login page is not taken for the server', async () => {
+    const session = await browser.open();
+    let portal = true;
+    server.fault = (what) => portal && what.startsWith('POST b')
+      ? new Response('<html>Welcome!</html>') : null;
+    const id = await session.shutter(photo(1));
+    await clock.until(() => session.snapshot.trouble?.includes('login page') ?? false);
+    expect(await session.photo(id)).not.toBeNull();
+    portal = false;
+    await clock.until(allQueued(session, 1));
+    expect(problem(400, 'x').status).toBe(400);
+  });
+});
+
+describe('undo', () => {
+  test('of a waiting one that was never sent: it never is', async () => {
+    server.stop();
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await session.undo(id);
+    expect(session.views).toEqual([]);
+    expect(await session.photo(id)).toBeNull();
+    server.start();
+    await clock.until(() => session.snapshot.connection === 'online');
+    await settle();
+    expect(server.log.filter((what) => what.includes(id))).toEqual([]);
+  });
+
+  test('while it is on its way', async () => {
+    const session = await browser.open();
+    let undone: Promise<void> | null = null;
+    server.fault = (what) => {
+      if (what.startsWith('POST b')) undone = session.undo(what.slice(5));
+      return null;
+    };
+    const id = await session.shutter(photo(1));
+    await clock.until(() => server.log.includes(`DELETE ${id}`));
+    await settle();
+    expect(undone).not.toBeNull();
+    expect(server.alive()).toEqual([]);
+    expect(session.views).toEqual([]);
+  });
+
+  test('of one whose reply was lost', async () => {
+    const session = await browser.open();
+    server.fault = (what) => what.startsWith('POST b') ? 'reply lost' : null;
+    const id = await session.shutter(photo(1));
+    await clock.until(() => server.alive().includes(id));
+    await session.undo(id);
+    expect(session.views).toEqual([]);
+    await clock.until(() => server.alive().length === 0);
+  });
+
+  test('of one that arrives there after its undo', async () => {
+    const session = await browser.open();
+    server.fault = (what) => what.startsWith('POST b') ? 'late' : null;
+    const id = await session.shutter(photo(1));
+    await clock.until(() => session.snapshot.trouble !== null);
+    await session.undo(id);
+    await clock.until(() => server.log.includes(`DELETE ${id}`));
+    await settle();
+    await server.deliverLate();
+    expect(server.alive()).toEqual([id]);
+    await clock.until(() => server.alive().length === 0);
+    expect(session.views).toEqual([]);
+  });
+
+  test('of one that is ready, its MPI goes too', async () => {
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    server.ready(id);
+    await clock.until(() => states(session)[0] === 'ready');
+    expect(new Uint8Array(await session.mpiBytes(id))).toEqual(Uint8Array.of(1, 2, 3));
+    const fetched = server.log.length;
+    await session.mpiBytes(id);
+    expect(server.log.length).toBe(fetched);
+    await session.undo(id);
+    await clock.until(() => server.alive().length === 0);
+    const db = await CaptureDb.open(browser.name);
+    expect(await db.mpi(id)).toBeNull();
+    db.close();
+  });
+
+  test('of one that failed', async () => {
+    const session = await browser.open();
+    server.fault = (what) => what.startsWith('POST b') ? 422 : null;
+    const id = await session.shutter(photo(1));
+    await clock.until(() => states(session)[0] === 'failed');
+    await session.undo(id);
+    await clock.until(async () => await session.photo(id) === null);
+    expect(session.views).toEqual([]);
+  });
+
+  test('of one that only the server has, offline', async () => {
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    const other = new ModelBrowser(server, clock);
+    const second = await other.open({ sessionId: session.id });
+    await clock.until(allQueued(second, 1));
+    server.stop();
+    await second.undo(id);
+    expect(second.views).toEqual([]);
+    server.start();
+    await clock.until(() => server.alive().length === 0);
+    other.close();
+  });
+});
+
+test('two tabs: every capture is written once, one at a time', async () => {
+  const left = await browser.open();
+  const right = await browser.open();
+  expect(right.id).toBe(left.id);
+  for (let i = 0; i < 4; i++) {
+    await Promise.all([left.shutter(photo(2 * i)), right.shutter(photo(2 * i + 1))]);
+  }
+  await clock.until(() => left.views.length === 8 && right.views.length === 8
+    && [...states(left), ...states(right)].every((state) => state === 'queued'));
+  expect(server.mostUploadsAtOnce).toBe(1);
+  expect([...server.writes.values()]).toEqual(Array(8).fill(1));
+  expect(server.log.filter((what) => what.startsWith('POST b'))).toHaveLength(8);
+});
+
+test('a full phone: the photo is in memory, it is said, and it is sent', async () => {
+  server.stop();
+  const session = await browser.open();
+  const put = vi.spyOn(IDBObjectStore.prototype, 'put').mockImplementation(() => {
+    throw new DOMException('no room', 'QuotaExceededError');
+  });
+  const id = await session.shutter(photo(1));
+  expect(put).toHaveBeenCalled();
+  expect(session.snapshot.storageProblem).toMatch(/storage is full.*keep this page open/);
+  expect(await session.photo(id)).not.toBeNull();
+  server.start();
+  put.mockRestore();
+  await clock.until(allQueued(session, 1));
+  expect(server.alive()).toEqual([id]);
+  expect(session.snapshot.storageProblem).toBeNull();
+});
+
+test('no database at all: it works in memory and says so', async () => {
+  const db = await (async () => {
+    const open = vi.spyOn(indexedDB, 'open').mockImplementation(() => {
+      throw new DOMException('forbidden', 'SecurityError');
+    });
+    const opened = await CaptureDb.open('none');
+    open.mockRestore();
+    return opened;
+  })();
+  const session = await browser.open({ db });
+  expect(session.snapshot.storageProblem).toMatch(/private window/);
+  const id = await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  expect(server.alive()).toEqual([id]);
+});
+
+test('finish, offline: the server is told after it has all photos; the next session is new', async () => {
+  server.stop();
+  const session = await browser.open();
+  const id = await session.shutter(photo(1));
+  await session.finish('kitchen');
+  expect(session.snapshot).toMatchObject({ name: 'kitchen', finished: 'pending' });
+  server.start();
+  await clock.until(() => session.snapshot.finished === 'yes');
+  expect(server.sessions.get(session.id)).toMatchObject({ name: 'kitchen', finished: true });
+  expect(server.alive()).toEqual([id]);
+  const db = await CaptureDb.open(browser.name);
+  expect(await db.captures()).toEqual([]);
+  db.close();
+  const next = await browser.open();
+  expect(next.id).not.toBe(session.id);
+});
+
+test('snapshots do not change, and every change is told', async () => {
+  const session = await browser.open();
+  const seen: (readonly unknown[])[] = [];
+  const stop = session.subscribe(({ views }) => void seen.push(views));
+  await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  expect(seen[0]).toEqual([]);
+  const heard = seen.length;
+  stop();
+  await session.shutter(photo(2));
+  expect(seen.length).toBe(heard);
+});
