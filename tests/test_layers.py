@@ -32,6 +32,7 @@ ORDER = [
     "datasets",
     "replay",
     "evaluate",
+    "server",
     "bench",
     "commands",
     "cli",

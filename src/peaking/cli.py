@@ -9,18 +9,21 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 
 import tyro
 
-from peaking.commands import bench, generate, quality, render, replay
+from peaking.commands import bench, bench_live, demo, generate, quality, render, replay, serve
 from peaking.errors import PeakingError
 
 DESCRIPTION = """See in red, while you photograph, which pixels view synthesis still gets wrong.
 
 Examples:
+  peaking demo
+  peaking serve ~/captures
   peaking replay scenes/desk --out out/desk
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking quality scenes/desk
   peaking bench --json bench.json
+  peaking bench live --json live.json
 
 `peaking COMMAND --help` tells about one command."""
 
@@ -40,21 +43,27 @@ def _subcommand(name: str, command: type[Command]) -> Any:
 
 
 Commands = (
-    Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
+    Annotated[demo.Demo, _subcommand("demo", demo.Demo)]
+    | Annotated[serve.Serve, _subcommand("serve", serve.Serve)]
+    | Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
     | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
     | Annotated[render.Render, _subcommand("render", render.Render)]
     | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
+    | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; exit code 2 for bad input, 130 for Ctrl-C."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:2] == ["bench", "live"]:
+        words[:2] = ["bench-live"]
     command: Command = tyro.cli(
         Commands,  # type: ignore[arg-type]
         prog="peaking",
         description=DESCRIPTION,
-        args=arguments,
+        args=words,
         config=(tyro.conf.OmitArgPrefixes,),
     )
     try:

@@ -1,0 +1,444 @@
+"""The HTTP application: every address of docs/protocol.md, and the pages of the web client.
+
+Handlers only translate: disk and CPU work is done in threads, never on the event loop.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import AsyncGenerator, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
+
+import peaking
+from peaking.datasets.stored_images import read_picture
+from peaking.errors import PeakingError
+from peaking.output import encode_jpeg, write_atomically
+from peaking.presets import DEFAULT, Options
+from peaking.server import wire
+from peaking.server.answers import json_answer, problem
+from peaking.server.auth import COOKIE, Guard
+from peaking.server.dataset import zip_stream
+from peaking.server.events import SERVER, Hub
+from peaking.server.generation import GenerationQueue
+from peaking.server.openapi import document
+from peaking.server.recordings import PlayedRecording
+from peaking.server.sessions import (
+    DiskFull,
+    OpenSession,
+    SessionStore,
+    UnknownCapture,
+    UnknownSession,
+)
+from peaking.server.upload import BadUpload, parse_upload
+
+MOST_JSON_BYTES = 1_000_000
+THUMBNAIL_PX = 240
+RETRY_AFTER_S = 2
+NO_CLIENT = "The web client is not built. Run: make client"
+_log = logging.getLogger("peaking.server")
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class ServerConfig:
+    """What a server serves, and to whom.
+
+    Attributes:
+        token: Needed for everything below /api; None lets loopback in without one.
+        client_dir: The built web client.
+        options: How clients render and compare, and how MPIs are made.
+        recordings: What can be played as the camera, by name.
+        max_upload_bytes: Larger uploads are refused.
+        secure: Served over https.
+    """
+
+    token: str | None
+    client_dir: Path
+    options: Options = DEFAULT
+    recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
+    max_upload_bytes: int = 64_000_000
+    secure: bool = False
+
+
+class _Handlers:
+    """The handlers, and what they need."""
+
+    def __init__(self, store: SessionStore, config: ServerConfig) -> None:
+        """Begin to make the MPIs that are missing."""
+        self.store = store
+        self.config = config
+        self.hub = Hub()
+        self.queue = GenerationQueue(config.options, on_done=self._made)
+        for session in store.sessions():
+            for capture_id in session.unfinished():
+                self.queue.put(session, capture_id)
+
+    def close(self) -> None:
+        """End streams and threads."""
+        self.hub.close()
+        self.queue.close()
+
+    # What is there
+
+    async def info(self, _: Request) -> Response:
+        options = self.config.options
+        return json_answer(
+            wire.ServerInfo(
+                protocol=wire.PROTOCOL,
+                version=peaking.__version__,
+                options=msgspec.convert(
+                    {name: getattr(options, name) for name in wire.Options.__struct_fields__},
+                    wire.Options,
+                ),
+                recordings=list(self.config.recordings),
+                warm=self.queue.warm,
+                max_upload_bytes=self.config.max_upload_bytes,
+            )
+        )
+
+    async def pair(self, _: Request) -> Response:
+        answer = Response(status_code=204)
+        if self.config.token is not None:
+            answer.set_cookie(
+                COOKIE,
+                self.config.token,
+                max_age=30 * 24 * 3600,
+                path="/",
+                secure=self.config.secure,
+                httponly=True,
+                samesite="strict",
+            )
+        return answer
+
+    async def openapi(self, _: Request) -> Response:
+        return json_answer(document())
+
+    async def sessions(self, _: Request) -> Response:
+        return json_answer(self._summaries())
+
+    async def session(self, request: Request) -> Response:
+        return json_answer(self._state(self._session(request)))
+
+    async def session_events(self, request: Request) -> Response:
+        session = self._session(request)
+
+        def came_or_went() -> None:
+            self._tell_summary(session)
+
+        stream = self.hub.stream(
+            session.id, lambda: wire.SessionState(self._state(session)), came_or_went
+        )
+        return _event_stream(stream)
+
+    async def server_events(self, _: Request) -> Response:
+        return _event_stream(self.hub.stream(SERVER, lambda: wire.SessionList(self._summaries())))
+
+    # Sessions
+
+    async def begin_session(self, request: Request) -> Response:
+        new = await self._json(request, wire.NewSession)
+        if new.protocol != wire.PROTOCOL:
+            raise BadUpload(
+                f"This server speaks version {wire.PROTOCOL} of the protocol, the client "
+                f"{new.protocol}; reload the page.",
+                status=400,
+            )
+        session, created = await run_in_threadpool(self.store.begin, new)
+        if created:
+            self._tell_summary(session)
+        return json_answer(self._state(session), status=201 if created else 200)
+
+    async def change_session(self, request: Request) -> Response:
+        session = self._session(request)
+        change = await self._json(request, wire.SessionChange)
+        if change.name is not None:
+            await run_in_threadpool(session.rename, change.name)
+        if change.finished is not None:
+            await run_in_threadpool(session.finish, change.finished)
+        self._tell_summary(session)
+        return json_answer(session.summary(live=self.hub.is_live(session.id)))
+
+    async def dataset(self, request: Request) -> Response:
+        session = self._session(request)
+        files = await run_in_threadpool(session.dataset_files)
+        name = f"{session.folder.name}.zip"
+        return StreamingResponse(
+            iterate_in_threadpool(zip_stream(files)),
+            media_type="application/zip",
+            headers={"Content-Disposition": f'attachment; filename="{name}"'},
+        )
+
+    async def peaked(self, request: Request) -> Response:
+        session = self._session(request)
+        return json_answer(wire.PeakedSamples(await run_in_threadpool(session.peaked)))
+
+    async def add_peaked(self, request: Request) -> Response:
+        session = self._session(request)
+        told = await self._json(request, wire.PeakedSamples)
+        await run_in_threadpool(session.add_peaked, told.samples)
+        self._tell_summary(session)
+        return Response(status_code=204)
+
+    # Captures
+
+    async def upload(self, request: Request) -> Response:
+        session = self._session(request)
+        capture_id = _id(request, "capture")
+        body = await self._body(request, self.config.max_upload_bytes)
+        with contextlib.suppress(UnknownCapture):
+            return json_answer(session.capture(capture_id))
+        upload = await run_in_threadpool(parse_upload, body)
+        if not self.queue.room:
+            return problem(
+                503,
+                "The server has too much to do; the phone tries again.",
+                {"Retry-After": str(RETRY_AFTER_S)},
+            )
+        capture, created = await run_in_threadpool(session.store_capture, capture_id, upload)
+        if created:
+            self.queue.put(session, capture_id)
+            self._tell_capture(session, capture)
+        return json_answer(capture, status=201 if created else 200)
+
+    async def remove(self, request: Request) -> Response:
+        session = self._session(request)
+        capture = await run_in_threadpool(session.remove_capture, _id(request, "capture"))
+        self._tell_capture(session, capture)
+        await run_in_threadpool(session.refresh_dataset)
+        return json_answer(capture)
+
+    async def mpi(self, request: Request) -> Response:
+        session = self._session(request)
+        capture = session.capture(_id(request, "capture"))
+        if capture.state != "ready":
+            raise HTTPException(404, "There is no MPI of this capture yet.")
+        return _file(session.mpi_path(capture.id), "application/octet-stream")
+
+    async def photo(self, request: Request) -> Response:
+        session = self._session(request)
+        return _file(session.photo_path(_id(request, "capture")), "image/jpeg")
+
+    async def thumbnail(self, request: Request) -> Response:
+        session = self._session(request)
+        capture = session.capture(_id(request, "capture"))
+        path = await run_in_threadpool(_thumbnail, session, capture)
+        return _file(path, "image/jpeg")
+
+    # Recordings
+
+    async def recording(self, request: Request) -> Response:
+        recording = self._recording(request)
+        return json_answer(await run_in_threadpool(lambda: recording.index))
+
+    async def recorded_photo(self, request: Request) -> Response:
+        recording = self._recording(request)
+        data = await run_in_threadpool(_or_404, recording.photo, request.path_params["index"])
+        return Response(data, media_type="image/jpeg", headers=_LASTING)
+
+    async def recorded_depth(self, request: Request) -> Response:
+        recording = self._recording(request)
+        data = await run_in_threadpool(_or_404, recording.depth, request.path_params["index"])
+        if data is None:
+            raise HTTPException(404, "This frame has no depth.")
+        return Response(data, media_type="application/octet-stream", headers=_LASTING)
+
+    # Inside
+
+    def _made(self, session: OpenSession, capture: wire.Capture) -> None:
+        """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
+        self._tell_capture(session, capture)
+        session.refresh_dataset()
+
+    def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
+        self.hub.send(session.id, wire.CaptureChanged(capture))
+        self._tell_summary(session)
+
+    def _tell_summary(self, session: OpenSession) -> None:
+        event = wire.SessionChanged(session.summary(live=self.hub.is_live(session.id)))
+        self.hub.send(session.id, event)
+        self.hub.send(SERVER, event)
+
+    def _state(self, session: OpenSession) -> wire.Session:
+        return session.session(live=self.hub.is_live(session.id))
+
+    def _summaries(self) -> list[wire.SessionSummary]:
+        return [s.summary(live=self.hub.is_live(s.id)) for s in self.store.sessions()]
+
+    def _session(self, request: Request) -> OpenSession:
+        return self.store.get(_id(request, "session"))
+
+    def _recording(self, request: Request) -> PlayedRecording:
+        recording = self.config.recordings.get(request.path_params["recording"])
+        if recording is None:
+            raise HTTPException(404, "This server does not play a recording of that name.")
+        return recording
+
+    async def _json(self, request: Request, kind: type[T]) -> T:
+        body = await self._body(request, MOST_JSON_BYTES)
+        try:
+            return msgspec.json.decode(body, type=kind)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise BadUpload(f"The request's JSON is wrong: {error}.") from error
+
+    async def _body(self, request: Request, most_bytes: int) -> bytes:
+        """Read a body, and stop as soon as it is too long."""
+        declared = request.headers.get("content-length", "0")
+        parts: list[bytes] = []
+        size = int(declared) if declared.isdigit() else 0
+        if size <= most_bytes:
+            size = 0
+            async for part in request.stream():
+                size += len(part)
+                if size > most_bytes:
+                    break
+                parts.append(part)
+        if size > most_bytes:
+            raise BadUpload(f"That is more than {most_bytes:,} bytes.", status=413)
+        return b"".join(parts)
+
+
+def create_app(*, store: SessionStore, config: ServerConfig) -> Starlette:
+    """Return the application; a test can hold ten of them."""
+    server = _Handlers(store, config)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        yield
+        server.close()
+
+    app = Starlette(
+        routes=[*_api_routes(server), *_pages(config.client_dir)],
+        exception_handlers=_handlers(),
+        lifespan=lifespan,
+    )
+    app.add_middleware(Guard, token=config.token)
+    return app
+
+
+def _api_routes(server: _Handlers) -> list[Route]:
+    """Return the addresses below /api."""
+    session = "/api/v1/sessions/{session}"
+    capture = session + "/captures/{capture}"
+    frame = "/api/v1/recordings/{recording}/frames/{index:int}"
+    return [
+        Route("/api/v1/server", server.info, methods=["GET"]),
+        Route("/api/v1/pair", server.pair, methods=["POST"]),
+        Route("/api/v1/openapi.json", server.openapi, methods=["GET"]),
+        Route("/api/v1/events", server.server_events, methods=["GET"]),
+        Route("/api/v1/sessions", server.sessions, methods=["GET"]),
+        Route("/api/v1/sessions", server.begin_session, methods=["POST"]),
+        Route(session, server.session, methods=["GET"]),
+        Route(session, server.change_session, methods=["PATCH"]),
+        Route(session + "/events", server.session_events, methods=["GET"]),
+        Route(session + "/peaked", server.peaked, methods=["GET"]),
+        Route(session + "/peaked", server.add_peaked, methods=["POST"]),
+        Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
+        Route(capture, server.upload, methods=["POST"]),
+        Route(capture, server.remove, methods=["DELETE"]),
+        Route(capture + "/mpi", server.mpi, methods=["GET"]),
+        Route(capture + "/photo", server.photo, methods=["GET"]),
+        Route(capture + "/thumbnail", server.thumbnail, methods=["GET"]),
+        Route("/api/v1/recordings/{recording}", server.recording, methods=["GET"]),
+        Route(frame + "/photo", server.recorded_photo, methods=["GET"]),
+        Route(frame + "/depth", server.recorded_depth, methods=["GET"]),
+    ]
+
+
+_LASTING = {"Cache-Control": "private, max-age=31536000, immutable"}
+
+
+def _pages(client_dir: Path) -> list[BaseRoute]:
+    if not (client_dir / "index.html").is_file():
+
+        async def missing(_: Request) -> Response:
+            return Response(NO_CLIENT, 503, media_type="text/plain")
+
+        return [Route("/{path:path}", missing)]
+
+    def page(name: str) -> Callable[[Request], Any]:
+        async def answer(_: Request) -> Response:
+            return FileResponse(client_dir / name, headers={"Cache-Control": "no-cache"})
+
+        return answer
+
+    async def shortcut(_: Request) -> Response:
+        return RedirectResponse("/")
+
+    return [
+        Route("/", page("index.html")),
+        Route("/index.html", shortcut),
+        Route("/check", page("check.html")),
+        Route("/sessions", page("sessions.html")),
+        Mount("/", StaticFiles(directory=client_dir)),
+    ]
+
+
+def _handlers() -> Mapping[Any, Any]:
+    async def refused(_: Request, error: Exception) -> Response:
+        if isinstance(error, BadUpload):
+            return problem(error.status, str(error))
+        if isinstance(error, HTTPException):
+            return problem(error.status_code, error.detail, error.headers)
+        if isinstance(error, UnknownSession | UnknownCapture):
+            return problem(404, str(error))
+        if isinstance(error, DiskFull):
+            return problem(507, str(error))
+        _log.error("a request failed", exc_info=error)
+        return problem(500, "Something went wrong on the server; its log says what.")
+
+    return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
+
+
+def _id(request: Request, name: str) -> str:
+    """Return an id of the path: one that cannot be is one that is not there."""
+    try:
+        return msgspec.convert(request.path_params[name], wire.Id)
+    except msgspec.ValidationError:
+        raise HTTPException(404, f"That is no id of a {name}.") from None
+
+
+def _or_404(call: Callable[[int], T], index: int) -> T:
+    try:
+        return call(index)
+    except IndexError as error:
+        raise HTTPException(404, f"No such frame: {error}.") from None
+
+
+def _file(path: Path, media_type: str) -> Response:
+    if not path.is_file():
+        raise HTTPException(404, "That file is not there.")
+    return FileResponse(path, media_type=media_type, headers=_LASTING)
+
+
+def _event_stream(stream: Any) -> Response:
+    return StreamingResponse(
+        stream,
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+def _thumbnail(session: OpenSession, capture: wire.Capture) -> Path:
+    path = session.folder / "mpi" / f"{capture.number:06d}.thumbnail.jpg"
+    if not path.is_file():
+        rgb = read_picture(session.photo_path(capture.id))
+        height, width = rgb.shape[:2]
+        scale = min(THUMBNAIL_PX / max(height, width), 1.0)
+        size = (max(round(width * scale), 1), max(round(height * scale), 1))
+        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+        write_atomically(path, encode_jpeg(small, quality=85))
+    return path

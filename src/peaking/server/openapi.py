@@ -1,0 +1,133 @@
+"""The API as an OpenAPI 3.1 document, made from the structs of the wire."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+import peaking
+from peaking.server import wire
+
+BINARY = "application/octet-stream"
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One address and method: what goes in and what comes out."""
+
+    method: str
+    path: str
+    summary: str
+    answer: Any = None
+    body: Any = None
+    status: int = 200
+    media: str = "application/json"
+
+
+_SESSION = "/api/v1/sessions/{session}"
+_CAPTURE = _SESSION + "/captures/{capture}"
+_FRAME = "/api/v1/recordings/{recording}/frames/{index}"
+
+OPERATIONS = (
+    Operation("get", "/api/v1/server", "What this server is", wire.ServerInfo),
+    Operation("post", "/api/v1/pair", "Trade the token for a cookie", status=204),
+    Operation("get", "/api/v1/openapi.json", "This document", dict[str, Any]),
+    Operation(
+        "get", "/api/v1/events", "News of all sessions", wire.ServerEvent, media="text/event-stream"
+    ),
+    Operation("get", "/api/v1/sessions", "All sessions", list[wire.SessionSummary]),
+    Operation(
+        "post", "/api/v1/sessions", "Begin a session", wire.Session, wire.NewSession, status=201
+    ),
+    Operation("get", _SESSION, "A session with its captures", wire.Session),
+    Operation("patch", _SESSION, "Rename or finish it", wire.SessionSummary, wire.SessionChange),
+    Operation(
+        "get",
+        _SESSION + "/events",
+        "News of a session",
+        wire.SessionEvent,
+        media="text/event-stream",
+    ),
+    Operation("get", _SESSION + "/peaked", "Peaked share over time", wire.PeakedSamples),
+    Operation(
+        "post", _SESSION + "/peaked", "Tell peaked shares", body=wire.PeakedSamples, status=204
+    ),
+    Operation("get", _SESSION + "/dataset.zip", "The data set", bytes, media="application/zip"),
+    Operation("post", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
+    Operation("delete", _CAPTURE, "Undo a capture", wire.Capture),
+    Operation("get", _CAPTURE + "/mpi", "Its MPI", bytes, media=BINARY),
+    Operation("get", _CAPTURE + "/photo", "Its photo", bytes, media="image/jpeg"),
+    Operation("get", _CAPTURE + "/thumbnail", "A small photo", bytes, media="image/jpeg"),
+    Operation("get", "/api/v1/recordings/{recording}", "A recording", wire.RecordingIndex),
+    Operation("get", _FRAME + "/photo", "A recorded picture", bytes, media="image/jpeg"),
+    Operation("get", _FRAME + "/depth", "A recorded depth map", bytes, media=BINARY),
+)
+
+
+def document() -> dict[str, Any]:
+    """Return the OpenAPI document."""
+    kinds = [
+        kind
+        for operation in OPERATIONS
+        for kind in (operation.answer, operation.body)
+        if kind not in (None, bytes)
+    ]
+    schemas, components = msgspec.json.schema_components(
+        [*kinds, wire.Problem, wire.CaptureHeader], ref_template="#/components/schemas/{name}"
+    )
+    schema_of = {id(kind): schema for kind, schema in zip(kinds, schemas, strict=False)}
+    paths: dict[str, dict[str, Any]] = {}
+    for operation in OPERATIONS:
+        paths.setdefault(operation.path, {})[operation.method] = _operation(operation, schema_of)
+    return {
+        "openapi": "3.1.0",
+        "info": {"title": "peaking", "version": peaking.__version__},
+        "paths": paths,
+        "components": {
+            "schemas": components,
+            "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
+        },
+        "security": [{"token": []}],
+    }
+
+
+def _operation(operation: Operation, schema_of: dict[int, Any]) -> dict[str, Any]:
+    answer: dict[str, Any] = {"description": operation.summary}
+    if operation.answer is not None:
+        answer["content"] = _content(operation.answer, operation.media, schema_of)
+    problem = {"$ref": "#/components/schemas/Problem"}
+    refusal = {
+        "description": "Refused",
+        "content": {"application/json": {"schema": problem}},
+    }
+    described: dict[str, Any] = {
+        "summary": operation.summary,
+        "responses": {str(operation.status): answer, "4XX": refusal, "5XX": refusal},
+        "parameters": [_parameter(name) for name in re.findall(r"{(\w+)}", operation.path)],
+    }
+    if operation.status == 201:
+        described["responses"]["200"] = answer
+    if operation.body is not None:
+        media = BINARY if operation.body is bytes else "application/json"
+        described["requestBody"] = {
+            "required": True,
+            "content": _content(operation.body, media, schema_of),
+        }
+    return described
+
+
+def _content(kind: Any, media: str, schema_of: dict[int, Any]) -> dict[str, Any]:
+    binary = {"type": "string", "format": "binary"}
+    return {media: {"schema": binary if kind is bytes else schema_of[id(kind)]}}
+
+
+def _parameter(name: str) -> dict[str, Any]:
+    kind: dict[str, Any] = {"type": "string"}
+    if name == "index":
+        kind = {"type": "integer", "minimum": 0}
+    elif name in ("session", "capture"):
+        kind = {"type": "string", "pattern": r"^[0-9a-z][0-9a-z-]{7,63}$"}
+    return {"name": name, "in": "path", "required": True, "schema": kind}

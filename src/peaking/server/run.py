@@ -1,0 +1,95 @@
+"""Run the server until somebody stops it."""
+
+from __future__ import annotations
+
+import os
+import socket
+import ssl
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from peaking.errors import OutputError
+from peaking.server.app import ServerConfig, create_app
+from peaking.server.sessions import SessionStore
+
+CLIENT_DIR = Path(__file__).parent / "client"
+PORTS_TO_TRY = 20
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at a port, or at the next free one; 0 takes any.
+
+    Raises:
+        OutputError: None of them is free, or the host is not this machine's.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    problem: OSError | None = None
+    for candidate in range(port, port + PORTS_TO_TRY if port else 1):
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, candidate))
+            listener.listen(128)
+        except OSError as error:
+            listener.close()
+            problem = error
+            continue
+        listener.set_inheritable(True)
+        return listener
+    reason = problem.strerror if problem else "no port"
+    raise OutputError(f"{host}:{port}: cannot listen there ({reason}); give another --port")
+
+
+def serve(
+    listener: socket.socket,
+    *,
+    sessions: Path,
+    config: ServerConfig,
+    context: ssl.SSLContext | None = None,
+    started: Callable[[], None],
+    told: Callable[[str], None],
+) -> None:
+    """Serve until Ctrl-C.
+
+    Args:
+        listener: Where.
+        sessions: Folder of the sessions.
+        config: What is served, and to whom.
+        context: For https.
+        started: Called when requests are answered.
+        told: Hears of sessions that cannot be opened.
+    """
+    # Two kernels on busy cores would keep each other from working, if their threads waited by
+    # spinning; it has to be said before the first parallel kernel runs.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    store = SessionStore(sessions)
+    for problem in store.problems:
+        told(problem)
+    app = create_app(store=store, config=config)
+    settings = uvicorn.Config(
+        app,
+        http="httptools",
+        ws="none",
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=3,
+    )
+    settings.load()
+    settings.ssl = context
+    server = _Server(settings, started)
+    server.run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """Says when it answers, and ends long event streams before it waits for connections."""
+
+    def __init__(self, config: uvicorn.Config, started: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._when_started = started
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets=sockets)
+        self._when_started()
