@@ -1,0 +1,155 @@
+/** Reads the header and the occupancy of an `.mpi` file; docs/mpi-format.md is the definition. */
+
+import { rigid, type Camera } from '../geometry';
+
+export class MpiFileError extends Error {
+  override readonly name = 'MpiFileError';
+}
+
+export interface ParsedMpi {
+  readonly camera: Camera;
+  /** Farthest first. */
+  readonly planeDepths_m: Float64Array;
+  /** Plane, row and column of every tile, in the order of the file. */
+  readonly places: Uint16Array<ArrayBuffer>;
+  readonly numTiles: number;
+  readonly codec: 'jpeg' | 'lossless';
+  /** Tiles beside each other in the JPEG. */
+  readonly atlasCols: number;
+  readonly payload: Uint8Array<ArrayBuffer>;
+}
+
+export const CELL_PX = 15;
+export const TILE_PX = 16;
+const MAGIC = [0x50, 0x4b, 0x4d, 0x50, 0x49, 0x01, 0x0d, 0x0a];
+
+export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
+  const all = new Uint8Array(bytes);
+  if (all.length < 16 || MAGIC.some((byte, i) => all[i] !== byte)) {
+    throw new MpiFileError('not an .mpi file of version 1');
+  }
+  const view = new DataView(bytes);
+  const payloadAt = 16 + view.getUint32(8, true);
+  if (payloadAt > all.length) throw new MpiFileError('the header is cut off');
+  if (crc32(all.subarray(16)) !== view.getUint32(12, true)) {
+    throw new MpiFileError('the checksum is wrong: the file was damaged on its way');
+  }
+  const header = readHeader(all.subarray(16, payloadAt));
+  const planes = header.plane_depths_m.length;
+  const rows = Math.ceil((header.height_px + 1) / CELL_PX);
+  const cols = Math.ceil((header.width_px + 1) / CELL_PX);
+  const occupancyEnd = payloadAt + header.occupancy_bytes;
+  if (header.occupancy_bytes !== Math.ceil((planes * rows * cols) / 8)
+    || occupancyEnd + header.payload_bytes !== all.length) {
+    throw new MpiFileError('the lengths in the header are not those of the file');
+  }
+  const occupancy = all.subarray(payloadAt, occupancyEnd);
+  return {
+    camera: {
+      pinhole: {
+        width_px: header.width_px,
+        height_px: header.height_px,
+        fx_px: header.fx_px,
+        fy_px: header.fy_px,
+        cx_px: header.cx_px,
+        cy_px: header.cy_px,
+      },
+      worldFromCam: rigid(header.world_from_cam.flat()),
+    },
+    planeDepths_m: Float64Array.from(header.plane_depths_m),
+    places: placesOf(occupancy, planes, rows, cols, header.num_tiles),
+    numTiles: header.num_tiles,
+    codec: header.codec,
+    atlasCols: header.atlas_cols,
+    payload: new Uint8Array(bytes, occupancyEnd),
+  };
+}
+
+interface Header {
+  readonly width_px: number;
+  readonly height_px: number;
+  readonly fx_px: number;
+  readonly fy_px: number;
+  readonly cx_px: number;
+  readonly cy_px: number;
+  readonly world_from_cam: readonly (readonly number[])[];
+  readonly plane_depths_m: readonly number[];
+  readonly codec: 'jpeg' | 'lossless';
+  readonly num_tiles: number;
+  readonly atlas_cols: number;
+  readonly occupancy_bytes: number;
+  readonly payload_bytes: number;
+}
+
+function readHeader(text: Uint8Array): Header {
+  let header: Header;
+  try {
+    header = JSON.parse(new TextDecoder('utf-8', { fatal: true }).decode(text)) as Header;
+  } catch {
+    throw new MpiFileError('the header is not JSON');
+  }
+  const whole = (name: keyof Header, low: number, high: number): void => {
+    const value = header[name];
+    if (!Number.isInteger(value) || Number(value) < low || Number(value) > high) {
+      throw new MpiFileError(`${name} is ${String(value)}, need ${low}…${high}`);
+    }
+  };
+  whole('width_px', 1, 16384);
+  whole('height_px', 1, 16384);
+  whole('num_tiles', 0, 65536);
+  whole('atlas_cols', 1, 256);
+  whole('occupancy_bytes', 0, 2 ** 22);
+  whole('payload_bytes', 0, 2 ** 30);
+  const finite = (values: readonly unknown[]): boolean => values.every(Number.isFinite);
+  const depths = header.plane_depths_m;
+  if (!Array.isArray(depths) || depths.length < 1 || depths.length > 1024 || !finite(depths)
+    || depths.some((depth, i) => depth <= 0 || (i > 0 && depth >= Number(depths[i - 1])))) {
+    throw new MpiFileError('plane_depths_m must be 1…1024 depths > 0, farthest first');
+  }
+  if (!finite([header.fx_px, header.fy_px, header.cx_px, header.cy_px])
+    || header.fx_px <= 0 || header.fy_px <= 0) {
+    throw new MpiFileError('the intrinsics are not those of a camera');
+  }
+  const pose = header.world_from_cam;
+  if (!Array.isArray(pose) || pose.flat().length !== 12 || !finite(pose.flat())) {
+    throw new MpiFileError('world_from_cam must be 3 rows of 4 numbers');
+  }
+  if (header.codec !== 'jpeg' && header.codec !== 'lossless') {
+    throw new MpiFileError(`codec is ${String(header.codec)}, need jpeg or lossless`);
+  }
+  return header;
+}
+
+function placesOf(
+  occupancy: Uint8Array, planes: number, rows: number, cols: number, numTiles: number,
+): Uint16Array<ArrayBuffer> {
+  const places = new Uint16Array(3 * numTiles);
+  let tile = 0;
+  for (let place = 0; place < planes * rows * cols; place += 1) {
+    const byte = occupancy[place >> 3] ?? 0;
+    if (byte === 0) {
+      place |= 7; // nothing in these eight
+      continue;
+    }
+    if (((byte >> (7 - (place & 7))) & 1) === 0) continue;
+    if (tile === numTiles) throw new MpiFileError('more tiles are marked than there are');
+    places[3 * tile] = Math.floor(place / (rows * cols));
+    places[3 * tile + 1] = Math.floor(place / cols) % rows;
+    places[3 * tile + 2] = place % cols;
+    tile += 1;
+  }
+  if (tile !== numTiles) throw new MpiFileError('fewer tiles are marked than there are');
+  return places;
+}
+
+const CRC_TABLE = Uint32Array.from({ length: 256 }, (_, n) => {
+  let c = n;
+  for (let k = 0; k < 8; k += 1) c = c & 1 ? 0xedb88320 ^ (c >>> 1) : c >>> 1;
+  return c;
+});
+
+function crc32(bytes: Uint8Array): number {
+  let crc = 0xffffffff;
+  for (const byte of bytes) crc = (CRC_TABLE[(crc ^ byte) & 255] ?? 0) ^ (crc >>> 8);
+  return (crc ^ 0xffffffff) >>> 0;
+}

@@ -1,0 +1,229 @@
+/**
+ * MPIs on the graphics card. Of a long session only the nearest are there; the files of the others
+ * wait elsewhere (`load`), and are decoded when they are wanted again.
+ */
+
+import type { Camera } from '../geometry';
+import { rigid } from '../geometry';
+import type { DecodedMpi } from './decode';
+import { TEXTURE_COLS } from './decode';
+import { CELL_PX, TILE_PX } from './mpi_file';
+
+/** Turns a file into texels; `MpiDecoder` does, in a worker. */
+export interface Decoder {
+  decode(bytes: ArrayBuffer): Promise<DecodedMpi>;
+}
+
+export interface MpiStoreOptions {
+  readonly decoder: Decoder;
+  /** MPIs on the graphics card at the same time. */
+  readonly maxResident: number;
+  /** Hears of an MPI that cannot be fetched or decoded; it is tried again when it is wanted again. */
+  readonly onProblem?: (id: string, error: unknown) => void;
+}
+
+/** One MPI, ready to be drawn. */
+export interface GpuMpi {
+  readonly camera: Camera;
+  /** Median of its planes: a typical depth of what it shows. */
+  readonly medianDepth_m: number;
+  readonly numTiles: number;
+  readonly texture: WebGLTexture;
+  readonly vertexArray: WebGLVertexArrayObject;
+  readonly bytes: number;
+}
+
+interface Entry {
+  readonly id: string;
+  readonly camera: Camera;
+  readonly load: () => Promise<ArrayBuffer>;
+  gpu: (GpuMpi & { readonly buffer: WebGLBuffer }) | null;
+  loading: boolean;
+  lastWanted: number;
+}
+
+/** Floats per tile: x and y of its first texel's centre, depth of its plane. */
+const INSTANCE_FLOATS = 3;
+
+export class MpiStore implements Disposable {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #options: MpiStoreOptions;
+  readonly #entries = new Map<string, Entry>();
+  readonly #listeners = new Set<(id: string) => void>();
+  #views: readonly { readonly id: string; readonly camera: Camera }[] = [];
+  #cameras: readonly Camera[] = [];
+  #clock = 0;
+
+  constructor(gl: WebGL2RenderingContext, options: MpiStoreOptions) {
+    this.#gl = gl;
+    this.#options = options;
+  }
+
+  /** Make a view known. `load` is called whenever its MPI is wanted and is not on the card. */
+  add(id: string, camera: Camera, load: () => Promise<ArrayBuffer>): void {
+    if (this.#entries.has(id)) return;
+    this.#entries.set(id, { id, camera, load, gpu: null, loading: false, lastWanted: 0 });
+    this.#list();
+    this.want(id);
+  }
+
+  remove(id: string): void {
+    const entry = this.#entries.get(id);
+    if (entry === undefined) return;
+    this.#free(entry);
+    this.#entries.delete(id);
+    this.#list();
+  }
+
+  has(id: string): boolean {
+    return this.#entries.has(id);
+  }
+
+  /** All views, in the order they were added. */
+  get views(): readonly { readonly id: string; readonly camera: Camera }[] {
+    return this.#views;
+  }
+
+  /** Their cameras, in the same order; the same array as long as nothing changes. */
+  get cameras(): readonly Camera[] {
+    return this.#cameras;
+  }
+
+  /** The MPI if it is on the card; else it is fetched, and null is returned meanwhile. */
+  want(id: string): GpuMpi | null {
+    const entry = this.#entries.get(id);
+    if (entry === undefined) return null;
+    this.#clock += 1;
+    entry.lastWanted = this.#clock;
+    if (entry.gpu === null && !entry.loading) void this.#fetch(entry);
+    return entry.gpu;
+  }
+
+  /** The MPI if it is on the card; nothing is fetched. */
+  resident(id: string): GpuMpi | null {
+    return this.#entries.get(id)?.gpu ?? null;
+  }
+
+  get residentCount(): number {
+    let count = 0;
+    for (const entry of this.#entries.values()) if (entry.gpu !== null) count += 1;
+    return count;
+  }
+
+  /** Bytes of textures and buffers on the card. */
+  get residentBytes(): number {
+    let bytes = 0;
+    for (const entry of this.#entries.values()) bytes += entry.gpu?.bytes ?? 0;
+    return bytes;
+  }
+
+  /** Be told when an MPI has come to the card. */
+  onResident(listener: (id: string) => void): void {
+    this.#listeners.add(listener);
+  }
+
+  /** After the browser took the graphics context away: everything is fetched again when wanted. */
+  forgetResident(): void {
+    for (const entry of this.#entries.values()) entry.gpu = null;
+  }
+
+  [Symbol.dispose](): void {
+    for (const id of Array.from(this.#entries.keys())) this.remove(id);
+  }
+
+  async #fetch(entry: Entry): Promise<void> {
+    entry.loading = true;
+    try {
+      const decoded = await this.#options.decoder.decode(await entry.load());
+      // It may have been undone while it was on its way.
+      if (this.#entries.get(entry.id) !== entry) return;
+      this.#makeRoom();
+      entry.gpu = this.#upload(decoded);
+      for (const listener of this.#listeners) listener(entry.id);
+    } catch (error) {
+      this.#options.onProblem?.(entry.id, error);
+    } finally {
+      entry.loading = false;
+    }
+  }
+
+  /** Let the ones go that were not wanted for the longest time. */
+  #makeRoom(): void {
+    const resident = Array.from(this.#entries.values()).filter((entry) => entry.gpu !== null);
+    resident.sort((a, b) => a.lastWanted - b.lastWanted);
+    const surplus = resident.length + 1 - this.#options.maxResident;
+    for (const entry of resident.slice(0, Math.max(surplus, 0))) this.#free(entry);
+  }
+
+  #upload(mpi: DecodedMpi): GpuMpi & { readonly buffer: WebGLBuffer } {
+    const gl = this.#gl;
+    const texture = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    const width = TEXTURE_COLS * TILE_PX;
+    const height = mpi.textureRows * TILE_PX;
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, mpi.texels);
+    for (const [name, value] of [
+      [gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR],
+      [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE],
+    ] as const) gl.texParameteri(gl.TEXTURE_2D, name, value);
+
+    const instances = instancesOf(mpi);
+    const buffer = gl.createBuffer();
+    const vertexArray = gl.createVertexArray();
+    gl.bindVertexArray(vertexArray);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, instances, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, INSTANCE_FLOATS, gl.FLOAT, false, 0, 0);
+    gl.vertexAttribDivisor(0, 1);
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    return {
+      camera: { pinhole: mpi.pinhole, worldFromCam: rigid(mpi.worldFromCam) },
+      medianDepth_m: medianOf(mpi.planeDepths_m),
+      numTiles: mpi.numTiles,
+      texture,
+      vertexArray,
+      buffer,
+      bytes: 4 * width * height + instances.byteLength,
+    };
+  }
+
+  #free(entry: Entry): void {
+    const { gpu } = entry;
+    if (gpu === null) return;
+    entry.gpu = null;
+    this.#gl.deleteTexture(gpu.texture);
+    this.#gl.deleteVertexArray(gpu.vertexArray);
+    this.#gl.deleteBuffer(gpu.buffer);
+  }
+
+  #list(): void {
+    this.#views = Array.from(this.#entries.values(), ({ id, camera }) => ({ id, camera }));
+    this.#cameras = this.#views.map(({ camera }) => camera);
+  }
+}
+
+function instancesOf(mpi: DecodedMpi): Float32Array<ArrayBuffer> {
+  const instances = new Float32Array(INSTANCE_FLOATS * mpi.numTiles);
+  for (let tile = 0; tile < mpi.numTiles; tile += 1) {
+    const [plane = 0, row = 0, column = 0] = mpi.places.subarray(3 * tile, 3 * tile + 3);
+    // A tile begins one texel up and left of its cell, at that texel's centre.
+    instances[INSTANCE_FLOATS * tile] = CELL_PX * column - 0.5;
+    instances[INSTANCE_FLOATS * tile + 1] = CELL_PX * row - 0.5;
+    instances[INSTANCE_FLOATS * tile + 2] = mpi.planeDepths_m[plane] ?? NaN;
+  }
+  return instances;
+}
+
+function medianOf(values: Float64Array<ArrayBufferLike>): number {
+  const sorted = Float64Array.from(values).sort();
+  const middle = sorted.length >> 1;
+  const upper = sorted[middle] ?? NaN;
+  return sorted.length % 2 === 1 ? upper : (upper + (sorted[middle - 1] ?? NaN)) / 2;
+}

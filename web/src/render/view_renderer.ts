@@ -1,0 +1,425 @@
+/**
+ * What the photographer sees, for every frame: the nearest MPIs are rendered for the live camera,
+ * blended, compared with the live picture of the same pose, and drawn.
+ *
+ *     live ── shrink ──────────────┐
+ *     MPIs ── render each ── blend ┴─ compare ─┬─ count ──► shares (read back, frames later)
+ *                              └── grid ──► exposure gain  └─ settle ── display
+ */
+
+import { compose, inverse, resized, type Cam, type Camera, type Rigid } from '../geometry';
+import { TEXTURE_COLS } from '../mpi/decode';
+import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
+import { TILE_PX } from '../mpi/mpi_file';
+import { nearestByDistance, nearestByOverlap, type Neighbour } from '../nearest';
+import type { LiveFrame } from '../sources/frame_source';
+import type { Options } from '../wire';
+import blendFragment from './blend.frag.glsl?raw';
+import compareFragment from './compare.frag.glsl?raw';
+import countFragment from './count.frag.glsl?raw';
+import displayFragment from './display.frag.glsl?raw';
+import { exposureGain, GAIN_STRIDE } from './exposure';
+import gridFragment from './grid.frag.glsl?raw';
+import mpiFragment from './mpi.frag.glsl?raw';
+import mpiVertex from './mpi.vert.glsl?raw';
+import { Program } from './program';
+import screenVertex from './screen.vert.glsl?raw';
+import settleFragment from './settle.frag.glsl?raw';
+import shrinkFragment from './shrink.frag.glsl?raw';
+import { ReadBack, Target } from './target';
+
+/** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
+export type Overlay = 'mpi' | 'video' | 'peaks';
+
+export interface Look {
+  readonly overlay: Overlay;
+  /** L1 over RGB, 0…3, above which a pixel is peaked. */
+  readonly threshold: number;
+  /** Of the red, 0…1. */
+  readonly peakOpacity: number;
+  /** Stripes of light and dark in place of red. */
+  readonly pattern: boolean;
+}
+
+export interface Seen {
+  /** Peaked pixels / all pixels, of a frame or two ago; null before the first view. */
+  readonly peakedShare: number | null;
+  readonly missingShare: number | null;
+  /** The views that this frame was rendered from. */
+  readonly viewIds: readonly string[];
+}
+
+/** Views that a shader can blend. */
+const MOST_VIEWS = 8;
+const BLOCKS = { x: 16, y: 16 };
+/** Until a view is on the card, its scene is taken to be as deep as this. */
+const USUAL_DEPTH_M = 1.5;
+/** What is shown follows what is measured with this time constant. */
+const SETTLING_MS = 150;
+/** Exposure is measured again after so many frames: it changes slowly. */
+const GAIN_EVERY_FRAMES = 6;
+
+const NOTHING: Seen = { peakedShare: null, missingShare: null, viewIds: [] };
+
+export class ViewRenderer implements Disposable {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #options: Options;
+  readonly #programs;
+  readonly #screen: WebGLVertexArrayObject;
+  readonly #sampler: WebGLSampler;
+  readonly #weights = new Float32Array(MOST_VIEWS);
+  readonly #units = Int32Array.from({ length: MOST_VIEWS }, (_, i) => i);
+  readonly #matrix = new Float32Array(9);
+  readonly #gain = new Float32Array([1, 1, 1]);
+  #targets: Targets | null = null;
+  #shares: { peaked: number; missing: number } | null = null;
+  #sceneDepth_m = USUAL_DEPTH_M;
+  #lastTime_ms = 0;
+  #frame = 0;
+
+  constructor(gl: WebGL2RenderingContext, options: Options) {
+    this.#gl = gl;
+    this.#options = options;
+    const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
+    this.#programs = {
+      mpi: new Program(gl, mpiVertex, mpiFragment),
+      shrink: onScreen(shrinkFragment),
+      blend: onScreen(blendFragment),
+      compare: onScreen(compareFragment),
+      count: onScreen(countFragment),
+      grid: onScreen(gridFragment),
+      settle: onScreen(settleFragment),
+      display: onScreen(displayFragment),
+    };
+    this.#screen = gl.createVertexArray();
+    // Camera textures of WebXR are not ours to set filters on.
+    this.#sampler = gl.createSampler();
+    gl.samplerParameteri(this.#sampler, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    gl.samplerParameteri(this.#sampler, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+    gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+    gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  }
+
+  /** Render, compare and draw one frame. Leaves the frame's framebuffer bound. */
+  draw(frame: LiveFrame, store: MpiStore, look: Look): Seen {
+    const { camera, image } = frame;
+    if (camera === null || image === null) return NOTHING;
+    const gl = this.#gl;
+    this.#frame += 1;
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.disable(gl.BLEND);
+    const targets = this.#targetsFor(camera);
+    const near = this.#neighbours(store, camera);
+    if (near.length === 0) {
+      this.#shares = null;
+      this.#display(frame, image, targets, { ...look, overlay: 'video' }, false);
+      return NOTHING;
+    }
+    this.#shrink(image, camera, targets);
+    const small = resized(camera.pinhole, targets.live.width, targets.live.height);
+    near.forEach(({ mpi }, k) => this.#renderMpi(mpi, camera, small, targets.views[k]));
+    this.#blend(near, targets);
+    this.#compare(look, targets);
+    this.#count(targets);
+    this.#measureExposure(targets);
+    this.#settle(frame.time_ms, targets);
+    this.#display(frame, image, targets, look, true);
+    return {
+      peakedShare: this.#shares?.peaked ?? null,
+      missingShare: this.#shares?.missing ?? null,
+      viewIds: near.map(({ id }) => id),
+    };
+  }
+
+  /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
+  targets(): Readonly<Record<'view' | 'result' | 'live', Target>> | null {
+    return this.#targets;
+  }
+
+  [Symbol.dispose](): void {
+    for (const program of Object.values(this.#programs)) program[Symbol.dispose]();
+    this.#gl.deleteVertexArray(this.#screen);
+    this.#gl.deleteSampler(this.#sampler);
+    this.#targets?.[Symbol.dispose]();
+    this.#targets = null;
+  }
+
+  /** The K nearest of all views; while some of them are still on their way, the best that are here. */
+  #neighbours(
+    store: MpiStore, camera: Camera,
+  ): { readonly id: string; readonly weight: number; readonly mpi: GpuMpi }[] {
+    const { views, cameras } = store;
+    if (views.length === 0) return [];
+    const closest = nearestByDistance(cameras, camera, 1)[0];
+    const closestId = views[closest?.index ?? 0]?.id ?? '';
+    this.#sceneDepth_m = store.want(closestId)?.medianDepth_m ?? this.#sceneDepth_m;
+    const wanted = this.#choose(cameras, camera);
+    let missing = false;
+    for (const { index } of wanted) {
+      if (store.want(views[index]?.id ?? '') === null) missing = true;
+    }
+    const here = missing ? views.filter(({ id }) => store.resident(id) !== null) : views;
+    if (here.length === 0) return [];
+    const chosen = missing ? this.#choose(here.map((view) => view.camera), camera) : wanted;
+    return chosen.flatMap(({ index, weight }) => {
+      const id = here[index]?.id ?? '';
+      const mpi = store.resident(id);
+      return mpi === null ? [] : [{ id, weight, mpi }];
+    });
+  }
+
+  #choose(cameras: readonly Camera[], camera: Camera): Neighbour[] {
+    const count = Math.min(this.#options.neighbours, MOST_VIEWS);
+    return this.#options.weights === 'paper'
+      ? nearestByDistance(cameras, camera, count)
+      : nearestByOverlap(cameras, camera, this.#sceneDepth_m, count);
+  }
+
+  #targetsFor(camera: Camera): Targets {
+    const { width_px, height_px } = camera.pinhole;
+    const scale = Math.sqrt(this.#options.pixels / (width_px * height_px));
+    const width = Math.max(1, Math.round(width_px * scale));
+    const height = Math.max(1, Math.round(height_px * scale));
+    if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
+      this.#targets?.[Symbol.dispose]();
+      this.#targets = new Targets(
+        this.#gl, width, height, Math.min(this.#options.neighbours, MOST_VIEWS));
+    }
+    return this.#targets;
+  }
+
+  #shrink(image: WebGLTexture, camera: Camera, targets: Targets): void {
+    const { shrink } = this.#programs;
+    targets.live.begin();
+    shrink.use();
+    this.#bind(0, image);
+    // Each tap looks at two texels per axis.
+    const taps = Math.ceil(camera.pinhole.width_px / targets.live.width / 2 + 0.499);
+    this.#gl.uniform1i(shrink.uniform('live'), 0);
+    this.#gl.uniform1i(shrink.uniform('taps'), Math.min(Math.max(taps, 1), 4));
+    this.#cover();
+  }
+
+  #renderMpi(
+    mpi: GpuMpi, camera: Camera, small: Camera['pinhole'], target: Target | undefined,
+  ): void {
+    if (target === undefined) return;
+    const gl = this.#gl;
+    const { mpi: program } = this.#programs;
+    target.begin();
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    program.use();
+    const targetFromSource = compose(inverse(camera.worldFromCam), mpi.camera.worldFromCam);
+    const t = projectionOf(targetFromSource, small, mpi.camera.pinhole, this.#matrix);
+    gl.uniformMatrix3fv(program.uniform('target_from_ray'), false, this.#matrix);
+    gl.uniform3f(program.uniform('translation'), t[0], t[1], t[2]);
+    gl.uniform2f(program.uniform('target_size'), small.width_px, small.height_px);
+    const cols = TEXTURE_COLS;
+    const rows = Math.max(Math.ceil(mpi.numTiles / cols), 1);
+    gl.uniform2f(program.uniform('texture_size'), TILE_PX * cols, TILE_PX * rows);
+    gl.uniform1i(program.uniform('texture_cols'), cols);
+    gl.uniform1i(program.uniform('atlas'), 0);
+    this.#bind(0, mpi.texture);
+    gl.enable(gl.BLEND);
+    gl.blendEquation(gl.FUNC_ADD);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.bindVertexArray(mpi.vertexArray);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, mpi.numTiles);
+    gl.bindVertexArray(null);
+    gl.disable(gl.BLEND);
+  }
+
+  #blend(near: readonly { readonly weight: number }[], targets: Targets): void {
+    const gl = this.#gl;
+    const { blend } = this.#programs;
+    targets.view.begin();
+    blend.use();
+    for (let k = 0; k < MOST_VIEWS; k += 1) {
+      this.#weights[k] = near[k]?.weight ?? 0;
+      this.#bind(k, (targets.views[k] ?? targets.views[0])?.texture ?? null);
+    }
+    gl.uniform1iv(blend.uniform('views'), this.#units);
+    gl.uniform1fv(blend.uniform('weights'), this.#weights);
+    gl.uniform1i(blend.uniform('count'), near.length);
+    gl.uniform1i(blend.uniform('opacity_of_seen'), this.#options.opacity === 'seen' ? 1 : 0);
+    this.#cover();
+  }
+
+  #compare(look: Look, targets: Targets): void {
+    const gl = this.#gl;
+    const { compare } = this.#programs;
+    targets.result.begin();
+    compare.use();
+    this.#bind(0, targets.view.texture);
+    this.#bind(1, targets.live.texture);
+    gl.uniform1i(compare.uniform('view'), 0);
+    gl.uniform1i(compare.uniform('live'), 1);
+    gl.uniform3fv(compare.uniform('gain'), this.#gain);
+    gl.uniform1f(compare.uniform('threshold'), look.threshold);
+    gl.uniform1i(compare.uniform('shift_px'), this.#options.shift_px);
+    this.#cover();
+  }
+
+  #count(targets: Targets): void {
+    const counted = targets.countsBack.take();
+    if (counted !== null) {
+      let peaked = 0;
+      let missing = 0;
+      for (let at = 0; at < counted.length; at += 4) {
+        peaked += 256 * (counted[at] ?? 0) + (counted[at + 2] ?? 0);
+        missing += 256 * (counted[at + 1] ?? 0) + (counted[at + 3] ?? 0);
+      }
+      const all = targets.result.width * targets.result.height;
+      this.#shares = { peaked: peaked / all, missing: missing / all };
+    }
+    if (targets.countsBack.pending) return;
+    const gl = this.#gl;
+    const { count } = this.#programs;
+    targets.counts.begin();
+    count.use();
+    this.#bind(0, targets.result.texture);
+    gl.uniform1i(count.uniform('result'), 0);
+    gl.uniform2i(count.uniform('blocks'), BLOCKS.x, BLOCKS.y);
+    this.#cover();
+    targets.countsBack.request();
+  }
+
+  /** The gain that is used lags by the frames that reading back takes. */
+  #measureExposure(targets: Targets): void {
+    if (!this.#options.compensate_exposure) return;
+    const samples = targets.gridBack.take();
+    if (samples !== null) this.#gain.set(exposureGain(samples));
+    if (targets.gridBack.pending || this.#frame % GAIN_EVERY_FRAMES !== 0) return;
+    const gl = this.#gl;
+    const { grid } = this.#programs;
+    targets.grid.begin();
+    grid.use();
+    this.#bind(0, targets.view.texture);
+    this.#bind(1, targets.live.texture);
+    gl.uniform1i(grid.uniform('view'), 0);
+    gl.uniform1i(grid.uniform('live'), 1);
+    gl.uniform1i(grid.uniform('stride'), GAIN_STRIDE);
+    gl.uniform1i(grid.uniform('rows'), targets.grid.height / 2);
+    this.#cover();
+    targets.gridBack.request();
+  }
+
+  #settle(time_ms: number, targets: Targets): void {
+    const gl = this.#gl;
+    const { settle } = this.#programs;
+    const passed_ms = Math.max(time_ms - this.#lastTime_ms, 0);
+    this.#lastTime_ms = time_ms;
+    targets.swapShown();
+    targets.shown.begin();
+    settle.use();
+    this.#bind(0, targets.shownBefore.texture);
+    this.#bind(1, targets.result.texture);
+    gl.uniform1i(settle.uniform('shown'), 0);
+    gl.uniform1i(settle.uniform('result'), 1);
+    gl.uniform1f(settle.uniform('share'), 1 - Math.exp(-passed_ms / SETTLING_MS));
+    this.#cover();
+  }
+
+  #display(
+    frame: LiveFrame, image: WebGLTexture, targets: Targets, look: Look, compared: boolean,
+  ): void {
+    const gl = this.#gl;
+    const { display } = this.#programs;
+    const { x, y, width, height } = frame.viewport;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame.framebuffer);
+    gl.viewport(x, y, width, height);
+    display.use();
+    this.#bind(0, targets.view.texture);
+    this.#bind(1, image);
+    this.#bind(2, targets.shown.texture);
+    gl.uniform1i(display.uniform('view'), 0);
+    gl.uniform1i(display.uniform('live'), 1);
+    gl.uniform1i(display.uniform('shown'), 2);
+    gl.uniform1i(display.uniform('base'), look.overlay === 'video' ? 1 : 0);
+    gl.uniform1i(display.uniform('peaks'), compared && look.overlay !== 'mpi' ? 1 : 0);
+    gl.uniform1f(display.uniform('peak_opacity'), look.peakOpacity);
+    gl.uniform1i(display.uniform('pattern'), look.pattern ? 1 : 0);
+    this.#cover();
+    for (let unit = 0; unit < MOST_VIEWS; unit += 1) gl.bindSampler(unit, null);
+  }
+
+  #bind(unit: number, texture: WebGLTexture | null): void {
+    const gl = this.#gl;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.bindSampler(unit, this.#sampler);
+  }
+
+  #cover(): void {
+    this.#gl.bindVertexArray(this.#screen);
+    this.#gl.drawArrays(this.#gl.TRIANGLES, 0, 3);
+    this.#gl.bindVertexArray(null);
+  }
+}
+
+/** Everything of the size of the view. */
+class Targets implements Disposable {
+  readonly live: Target;
+  readonly views: readonly Target[];
+  readonly view: Target;
+  readonly result: Target;
+  readonly counts: Target;
+  readonly countsBack: ReadBack;
+  readonly grid: Target;
+  readonly gridBack: ReadBack;
+  shown: Target;
+  shownBefore: Target;
+
+  constructor(gl: WebGL2RenderingContext, width: number, height: number, count: number) {
+    const ofView = (): Target => new Target(gl, width, height);
+    this.live = ofView();
+    this.views = Array.from({ length: count }, ofView);
+    this.view = ofView();
+    this.result = ofView();
+    this.shown = ofView();
+    this.shownBefore = ofView();
+    this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
+    this.countsBack = new ReadBack(gl, this.counts);
+    this.grid = new Target(
+      gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
+    this.gridBack = new ReadBack(gl, this.grid);
+  }
+
+  swapShown(): void {
+    [this.shown, this.shownBefore] = [this.shownBefore, this.shown];
+  }
+
+  [Symbol.dispose](): void {
+    this.countsBack[Symbol.dispose]();
+    this.gridBack[Symbol.dispose]();
+    for (const target of [
+      this.live, ...this.views, this.view, this.result, this.counts, this.grid, this.shown,
+      this.shownBefore,
+    ]) target[Symbol.dispose]();
+  }
+}
+
+/**
+ * Write K_t R K_s⁻¹ (column-major) to `out` and return K_t t: what takes a source pixel at a depth to
+ * homogeneous pixels of the target.
+ */
+function projectionOf(
+  targetFromSource: Rigid<Cam, Cam>, target: Camera['pinhole'], source: Camera['pinhole'],
+  out: Float32Array,
+): readonly [number, number, number] {
+  const m = targetFromSource.rows;
+  const at = (row: number, column: number): number => m[4 * row + column] ?? NaN;
+  const K = (column: (row: number) => number): [number, number, number] => [
+    target.fx_px * column(0) + target.cx_px * column(2),
+    target.fy_px * column(1) + target.cy_px * column(2),
+    column(2),
+  ];
+  out.set(K((row) => at(row, 0) / source.fx_px), 0);
+  out.set(K((row) => at(row, 1) / source.fy_px), 3);
+  out.set(K((row) => at(row, 2) - (at(row, 0) * source.cx_px) / source.fx_px
+    - (at(row, 1) * source.cy_px) / source.fy_px), 6);
+  return K((row) => at(row, 3));
+}
