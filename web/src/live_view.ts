@@ -5,7 +5,7 @@
 
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
-import type { Camera } from './geometry';
+import { cameraOfWire, type Camera } from './geometry';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
@@ -126,7 +126,7 @@ export class LiveView implements Disposable {
       this.timeline.mark(view.id, 'ready', now_ms);
       if (this.#known.has(view.id)) continue;
       this.#known.add(view.id);
-      this.store.add(view.id, view.camera, async () => {
+      this.store.add(view.id, cameraOfWire(view.camera), async () => {
         const bytes = await this.session.mpiBytes(view.id);
         this.timeline.mark(view.id, 'fetched', performance.now());
         return bytes;

@@ -1,0 +1,58 @@
+/** WebXR's depth, turned to what the rest of the client takes: millimetres in the picture's frame. */
+
+import type { DepthMap } from './frame_source';
+
+/** The part of `XRCPUDepthInformation` that is needed. */
+export interface RawDepth {
+  readonly width: number;
+  readonly height: number;
+  readonly data: ArrayBuffer;
+  readonly rawValueToMeters: number;
+  /** From normalized view coordinates (top left origin) to normalized depth coordinates. */
+  readonly normDepthBufferFromNormView: { readonly matrix: Float32Array };
+}
+
+export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
+
+const MOST_MM = 65535;
+
+/**
+ * Resample to a map that covers the picture. Phones turn and crop the depth buffer against the
+ * picture; the matrix says how. Nearest texel: depths on both sides of an edge have no mean.
+ *
+ * @param aspect Width / height of the picture.
+ */
+export function depthMapOf(raw: RawDepth, format: DepthFormat, aspect: number): DepthMap {
+  const m = raw.normDepthBufferFromNormView.matrix;
+  const values = format === 'float32' ? new Float32Array(raw.data) : new Uint16Array(raw.data);
+  const { width_px, height_px } = sizeInView(raw, aspect);
+  const depth_mm = new Uint16Array(width_px * height_px);
+  const toMm = 1000 * raw.rawValueToMeters;
+  for (let y = 0; y < height_px; y += 1) {
+    const v = (y + 0.5) / height_px;
+    for (let x = 0; x < width_px; x += 1) {
+      const u = (x + 0.5) / width_px;
+      const column = Math.floor((at(m, 0) * u + at(m, 4) * v + at(m, 12)) * raw.width);
+      const row = Math.floor((at(m, 1) * u + at(m, 5) * v + at(m, 13)) * raw.height);
+      if (column < 0 || row < 0 || column >= raw.width || row >= raw.height) continue;
+      const mm = Math.round(at(values, row * raw.width + column) * toMm);
+      // What is not a number, not in front, or too far for 16 bits is unknown.
+      if (mm > 0 && mm <= MOST_MM) depth_mm[y * width_px + x] = mm;
+    }
+  }
+  return { width_px, height_px, depth_mm };
+}
+
+/** As many texels as the buffer has in the picture, in the picture's aspect. */
+function sizeInView(raw: RawDepth, aspect: number): { width_px: number; height_px: number } {
+  const m = raw.normDepthBufferFromNormView.matrix;
+  const across = Math.hypot(at(m, 0) * raw.width, at(m, 1) * raw.height);
+  const down = Math.hypot(at(m, 4) * raw.width, at(m, 5) * raw.height);
+  const area = Math.max(Math.min(across * down, raw.width * raw.height), 1);
+  const height_px = Math.max(Math.round(Math.sqrt(area / aspect)), 1);
+  return { width_px: Math.max(Math.round(height_px * aspect), 1), height_px };
+}
+
+function at(values: ArrayLike<number>, index: number): number {
+  return values[index] ?? NaN;
+}

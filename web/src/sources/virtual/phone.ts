@@ -1,0 +1,221 @@
+/**
+ * A phone in a drawn room: an emulated WebXR device (IWER) with a camera picture, camera access and
+ * depth, so that the very same client code runs without a phone.
+ *
+ * IWER knows headsets: two views, no camera access, and depth as headsets have it. What phones do
+ * differently is put over it here.
+ */
+
+import { Euler, PerspectiveCamera, WebGLRenderer } from 'three';
+import { XRDevice, type XRDeviceConfig } from 'iwer';
+import type { FrameSource } from '../frame_source';
+import type { RawDepth } from '../depth';
+import { webXrSource } from '../webxr';
+import { ArcoreDepth } from './arcore_depth';
+import { PhoneControls, type PhonePose } from './controls';
+import { buildRoom, START } from './room';
+
+/** The picture has the paper's aspect, 294:639; phones give more pixels than is worked with. */
+export const PICTURE = { width_px: 441, height_px: 958 } as const;
+const FOV_Y_DEG = 64;
+
+export interface VirtualPhoneOptions {
+  /** Holds the canvas, and takes mouse and touch. */
+  readonly stage: HTMLElement;
+  readonly overlay: Element | null;
+  /** Depth without noise and holes, for tests. */
+  readonly exactDepth?: boolean;
+}
+
+/** For tests and demonstrations: moves the phone by hand. */
+export interface VirtualPhone {
+  readonly source: FrameSource;
+  readonly pose: PhonePose;
+  /** world_from_cam of the room, `[R | t]` with OpenCV axes; a rotation without roll. */
+  setPose(worldFromCam: readonly number[]): void;
+  /** Pretend that tracking is lost. */
+  setTracked(tracked: boolean): void;
+}
+
+type Patch = Record<string, unknown>;
+
+/** Take over `navigator.xr` of this page. To be called once. */
+export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone {
+  const pose: PhonePose = {
+    x_m: START.x_m, y_m: START.y_m, z_m: START.z_m, yaw_rad: 0, pitch_rad: START.pitch_rad,
+  };
+  const controls = new PhoneControls(pose);
+  const camera = new DrawnCamera(options.exactDepth ?? false);
+  const style = options.stage.getAttribute('style') ?? '';
+  const device = new XRDevice(CONFIG, {
+    ipd: 0,
+    stereoEnabled: false,
+    fovy: (FOV_Y_DEG * Math.PI) / 180,
+    canvasContainer: options.stage as HTMLDivElement,
+  });
+  options.stage.setAttribute('style', style); // IWER fills the window with it
+  device.installRuntime({ forceInstall: true, polyfillLayers: false } as Parameters<
+    typeof device.installRuntime>[0]);
+  const phone = { tracked: true };
+  let last_ms = 0;
+
+  /** IWER asks its environment to be drawn at the beginning of every frame. */
+  class DrawnEnvironment {
+    readonly version = '0';
+    readonly trackedPlanes = new Set();
+    readonly trackedMeshes = new Set();
+    readonly environmentCanvas = camera.canvas;
+
+    render(now_ms: number): void {
+      controls.advance(Math.min(now_ms - last_ms, 100));
+      last_ms = now_ms;
+      device.position.set(pose.x_m, pose.y_m, pose.z_m);
+      const turned = camera.moveTo(pose);
+      device.quaternion.set(turned.x, turned.y, turned.z, turned.w);
+      const app = device.appCanvas ?? canvasIn(options.stage);
+      if (app !== null && (app.width !== PICTURE.width_px || app.height !== PICTURE.height_px)) {
+        app.width = PICTURE.width_px;
+        app.height = PICTURE.height_px;
+      }
+      camera.draw();
+    }
+
+    computeDepthBuffer(): null { return null; }
+
+    computeHitTestResults(): [] { return []; }
+
+    loadEnvironment(): void { /* there is only one */ }
+
+    loadDefaultEnvironment(): void { /* there is only one */ }
+
+    deleteAll(): void { /* nothing is tracked */ }
+  }
+  device.installSEM(DrawnEnvironment as unknown as Parameters<typeof device.installSEM>[0]);
+  device.position.set(pose.x_m, pose.y_m, pose.z_m);
+  behaveLikeAPhone(camera, phone);
+  const source = webXrSource({
+    kind: 'virtual', label: 'virtual phone', overlay: options.overlay,
+  });
+  return {
+    source: {
+      ...source,
+      run(gl, onFrame, signal) {
+        const stop = new AbortController();
+        signal.addEventListener('abort', () => stop.abort());
+        controls.attach(options.stage, stop.signal);
+        return source.run(gl, onFrame, signal).finally(() => stop.abort());
+      },
+    },
+    pose,
+    setPose: (worldFromCam) => setPose(pose, worldFromCam),
+    setTracked: (tracked) => { phone.tracked = tracked; },
+  };
+}
+
+/** The camera of the phone: draws the room for a pose. */
+class DrawnCamera {
+  readonly #renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+  readonly #room = buildRoom();
+  readonly #camera = new PerspectiveCamera(
+    FOV_Y_DEG, PICTURE.width_px / PICTURE.height_px, 0.05, 20);
+  readonly #euler = new Euler(0, 0, 0, 'YXZ');
+  readonly #depth: ArcoreDepth;
+
+  constructor(exactDepth: boolean) {
+    this.#renderer.setPixelRatio(1);
+    this.#renderer.setSize(PICTURE.width_px, PICTURE.height_px, false);
+    this.#depth = new ArcoreDepth(this.#renderer, this.#room, exactDepth);
+  }
+
+  get canvas(): HTMLCanvasElement {
+    return this.#renderer.domElement;
+  }
+
+  moveTo(pose: PhonePose): { x: number; y: number; z: number; w: number } {
+    this.#camera.position.set(pose.x_m, pose.y_m, pose.z_m);
+    this.#camera.quaternion.setFromEuler(this.#euler.set(pose.pitch_rad, pose.yaw_rad, 0));
+    this.#camera.updateMatrixWorld(true);
+    return this.#camera.quaternion;
+  }
+
+  draw(): void {
+    this.#renderer.render(this.#room.scene, this.#camera);
+    this.#depth.tick();
+  }
+
+  depth(): RawDepth | null {
+    return this.#depth.of(this.#camera);
+  }
+}
+
+/** One view, a camera picture behind it, and ARCore's depth. */
+function behaveLikeAPhone(camera: DrawnCamera, phone: { tracked: boolean }): void {
+  const picture = { width: PICTURE.width_px, height: PICTURE.height_px };
+  const patched = globalThis as unknown as Record<'XRView' | 'XRFrame' | 'XRSession', {
+    prototype: Patch;
+  }> & { XRWebGLBinding: unknown };
+  Object.defineProperty(patched.XRView.prototype, 'camera', {
+    configurable: true, get: () => picture,
+  });
+  Object.defineProperty(patched.XRSession.prototype, 'depthDataFormat', {
+    configurable: true, get: () => 'luminance-alpha',
+  });
+  patched.XRFrame.prototype['getDepthInformation'] = () => camera.depth();
+  const getViewerPose = patched.XRFrame.prototype['getViewerPose'] as (
+    this: XRFrame, space: XRReferenceSpace) => XRViewerPose | null;
+  patched.XRFrame.prototype['getViewerPose'] = function one(
+    this: XRFrame, space: XRReferenceSpace,
+  ): XRViewerPose | null {
+    const pose = phone.tracked ? getViewerPose.call(this, space) : null;
+    const view = pose?.views[0];
+    if (pose == null || view === undefined) return null;
+    Object.defineProperty(view, 'eye', { value: 'none', configurable: true });
+    Object.defineProperty(pose, 'views', { value: Object.freeze([view]), configurable: true });
+    return pose;
+  };
+  patched.XRWebGLBinding = class {
+    #texture: WebGLTexture | null = null;
+
+    constructor(_session: XRSession, private readonly gl: WebGL2RenderingContext) {}
+
+    getCameraImage(): WebGLTexture {
+      const { gl } = this;
+      this.#texture ??= gl.createTexture();
+      gl.activeTexture(gl.TEXTURE0);
+      gl.bindTexture(gl.TEXTURE_2D, this.#texture);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true); // bottom row first, as phones give it
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, camera.canvas);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+      return this.#texture;
+    }
+  };
+}
+
+function setPose(pose: PhonePose, worldFromCam: readonly number[]): void {
+  const at = (i: number): number => worldFromCam[i] ?? NaN;
+  pose.x_m = at(3);
+  pose.y_m = at(7);
+  pose.z_m = at(11);
+  const ahead = { x: at(2), y: at(6), z: at(10) };
+  pose.yaw_rad = Math.atan2(-ahead.x, -ahead.z);
+  pose.pitch_rad = Math.asin(Math.min(Math.max(ahead.y, -1), 1));
+}
+
+function canvasIn(stage: HTMLElement): HTMLCanvasElement | null {
+  return stage.querySelector('canvas');
+}
+
+const CONFIG = {
+  name: 'Virtual phone',
+  controllerConfig: undefined,
+  supportedSessionModes: ['inline', 'immersive-ar'],
+  supportedFeatures: ['viewer', 'local', 'local-floor', 'unbounded', 'depth-sensing', 'dom-overlay',
+    'camera-access'],
+  supportedFrameRates: [30],
+  isSystemKeyboardSupported: true,
+  internalNominalFrameRate: 30,
+  environmentBlendModes: { 'immersive-ar': 'alpha-blend' },
+  interactionMode: 'screen-space',
+  userAgent: globalThis.navigator?.userAgent ?? '',
+} as unknown as XRDeviceConfig;

@@ -1,0 +1,161 @@
+/**
+ * The phone's camera: a WebXR session with camera access and depth. The session is our own, with an
+ * `XRWebGLLayer`; docs/capture.md says which browsers have it.
+ */
+
+import { pinholeOfProjection, worldFromCamOfWebXr, type Camera } from '../geometry';
+import { depthMapOf, type DepthFormat, type RawDepth } from './depth';
+import {
+  SourceError, type DepthMap, type FrameSource, type LiveFrame, type SourceKind, type Viewport,
+} from './frame_source';
+import { sessionInit } from './session_init';
+
+/** Raw camera access, which the types do not know yet. */
+interface CameraView extends XRView {
+  readonly camera?: { readonly width: number; readonly height: number } | null;
+}
+
+interface CameraBinding {
+  getCameraImage(camera: { readonly width: number; readonly height: number }): WebGLTexture | null;
+}
+
+interface DepthFrame {
+  getDepthInformation(view: XRView): RawDepth | null;
+}
+
+export interface WebXrOptions {
+  readonly kind?: SourceKind;
+  readonly label?: string;
+  /** What stays visible over the camera's picture: the page's own controls. */
+  readonly overlay: Element | null;
+}
+
+/** `run` must be called from a click or tap: browsers begin augmented reality only then. */
+export function webXrSource(options: WebXrOptions): FrameSource {
+  return {
+    kind: options.kind ?? 'webxr',
+    label: options.label ?? 'camera of this device',
+    run: (gl, onFrame, signal) => run(options, gl, onFrame, signal),
+  };
+}
+
+async function run(
+  options: WebXrOptions, gl: WebGL2RenderingContext, onFrame: (frame: LiveFrame) => void,
+  signal: AbortSignal,
+): Promise<void> {
+  const session = await requestSession(options.overlay);
+  try {
+    await gl.makeXRCompatible();
+    const layer = new XRWebGLLayer(session, gl, { alpha: false, antialias: false, depth: false });
+    await session.updateRenderState({ baseLayer: layer });
+    const space = await session.requestReferenceSpace('local');
+    const frame = new XrLiveFrame(session, layer, gl);
+    await new Promise<void>((resolve, reject) => {
+      session.addEventListener('end', () => resolve());
+      signal.addEventListener('abort', () => void session.end().catch(() => resolve()));
+      const next = (time_ms: number, xrFrame: XRFrame): void => {
+        if (signal.aborted) return;
+        session.requestAnimationFrame(next);
+        try {
+          frame.update(time_ms, xrFrame, space);
+          onFrame(frame);
+        } catch (error) {
+          reject(error instanceof Error ? error : new Error(String(error)));
+          void session.end();
+        }
+      };
+      session.requestAnimationFrame(next);
+    });
+  } finally {
+    await session.end().catch(() => undefined); // it may have ended by itself
+  }
+}
+
+async function requestSession(overlay: Element | null): Promise<XRSession> {
+  if (!globalThis.isSecureContext) {
+    throw new SourceError('Browsers show the camera only to pages of https or localhost. Open the '
+      + 'https link that the server printed.');
+  }
+  if (navigator.xr === undefined) {
+    throw new SourceError('This browser has no WebXR. Use Chrome on an Android phone, or try the '
+      + 'virtual phone.');
+  }
+  try {
+    return await navigator.xr.requestSession('immersive-ar', sessionInit(overlay));
+  } catch (error) {
+    const name = error instanceof DOMException ? error.name : '';
+    throw new SourceError(sentenceOf(name), { cause: error });
+  }
+}
+
+function sentenceOf(name: string): string {
+  switch (name) {
+    case 'NotSupportedError':
+      return 'This device has no augmented reality with access to the camera. Install "Google Play '
+        + 'Services for AR" and use Chrome for Android; /check tells more.';
+    case 'SecurityError':
+    case 'NotAllowedError':
+      return 'The camera was refused. Allow it in the settings of this page (the icon beside the '
+        + 'address), and start again.';
+    case 'InvalidStateError':
+      return 'Another page uses augmented reality. Close it, and start again.';
+    default:
+      return 'The camera could not be started; /check says what this browser can do.';
+  }
+}
+
+class XrLiveFrame implements LiveFrame {
+  time_ms = 0;
+  camera: Camera | null = null;
+  image: WebGLTexture | null = null;
+  framebuffer: WebGLFramebuffer | null = null;
+  viewport: Viewport = { x: 0, y: 0, width: 1, height: 1 };
+
+  readonly #binding: CameraBinding;
+  #xrFrame: XRFrame | null = null;
+  #view: XRView | null = null;
+
+  constructor(
+    private readonly session: XRSession,
+    private readonly layer: XRWebGLLayer,
+    gl: WebGL2RenderingContext,
+  ) {
+    this.#binding = new XRWebGLBinding(session, gl) as unknown as CameraBinding;
+  }
+
+  update(time_ms: number, xrFrame: XRFrame, space: XRReferenceSpace): void {
+    this.time_ms = time_ms;
+    this.#xrFrame = xrFrame;
+    this.framebuffer = this.layer.framebuffer;
+    const pose = xrFrame.getViewerPose(space);
+    const views = (pose?.views ?? []) as readonly CameraView[];
+    const view = views.find((each) => each.camera) ?? null;
+    this.#view = view;
+    if (view?.camera == null) {
+      this.camera = null;
+      this.image = null;
+      return;
+    }
+    this.viewport = this.layer.getViewport(view) ?? this.viewport;
+    const { width, height } = view.camera;
+    this.camera = {
+      pinhole: pinholeOfProjection(view.projectionMatrix, width, height),
+      worldFromCam: worldFromCamOfWebXr(view.transform.matrix),
+    };
+    this.image = this.#binding.getCameraImage(view.camera);
+  }
+
+  depth(): DepthMap | null {
+    if (this.#xrFrame === null || this.#view === null || this.camera === null) return null;
+    const { width_px, height_px } = this.camera.pinhole;
+    try {
+      const raw = (this.#xrFrame as unknown as DepthFrame).getDepthInformation(this.#view);
+      if (raw === null) return null;
+      const format = (this.session as unknown as { depthDataFormat: DepthFormat }).depthDataFormat;
+      return depthMapOf(raw, format, width_px / height_px);
+    } catch {
+      // Not granted, or not of this kind: there is no depth, which is a state and not a fault.
+      return null;
+    }
+  }
+}
