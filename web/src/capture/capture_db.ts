@@ -10,9 +10,9 @@ import type { DepthMap } from '../sources/frame_source';
 import type { Camera, NewSession, SessionChange } from '../wire';
 
 /**
- * `waiting`: to be sent. `failed`: the server refused it; the photo stays here. `stored`: the server
- * has it on disk. `removing`: undone, the server must still be told. `removed`: undone, and it has
- * been told; remembered until the session is finished, in case an upload arrives there late.
+ * `waiting`: to be sent. `failed`: the server refused it; the photo stays here. `stored`: the
+ * server has it on disk. `removing`: undone, the server must still be told. `removed`: undone, and
+ * it has been told; remembered until the session is finished, in case an upload arrives there late.
  */
 export type StoredState = 'waiting' | 'failed' | 'stored' | 'removing' | 'removed';
 
@@ -66,7 +66,8 @@ type Change<T> = (value: T) => T | null;
 const IN_MEMORY = 'Photos are only in memory: keep this page open until they are sent.';
 const FULL = `This browser's storage is full. ${IN_MEMORY}`;
 const NONE = `This browser keeps nothing on disk (a private window?). ${IN_MEMORY}`;
-const BROKEN = `This browser's storage stopped working: reload the page once all is sent. ${IN_MEMORY}`;
+const BROKEN = "This browser's storage stopped working: reload the page once all is sent. "
+  + IN_MEMORY;
 
 /** Written through to the disk, not to a cache of the operating system. */
 const STRICT = { durability: 'strict' } as const;

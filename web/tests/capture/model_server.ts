@@ -178,6 +178,6 @@ function json(value: unknown, status: number): Response {
   return new Response(JSON.stringify(value), { status });
 }
 
-export function problem(status: number, sentence: string): Response {
+function problem(status: number, sentence: string): Response {
   return new Response(JSON.stringify({ problem: sentence }), { status });
 }

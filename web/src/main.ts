@@ -1,0 +1,232 @@
+/** The capture page: the only file that knows all the others. */
+
+import { CaptureDb } from './capture/capture_db';
+import { CaptureSession } from './capture/capture_session';
+import { chooseSource, type Choice } from './choose_source';
+import { LiveView, type Hindrance } from './live_view';
+import { Api } from './server/api';
+import type { FrameSource } from './sources/frame_source';
+import { ReplayControls, replaySource } from './sources/replay';
+import type { VirtualPhone } from './sources/virtual/phone';
+import { webXrSource } from './sources/webxr';
+import { Hud } from './ui/hud';
+import { StartPage } from './ui/start_page';
+import type { ServerInfo } from './wire';
+
+/** For tests, benchmarks, and people with the developer tools open. */
+export interface Inspection {
+  frames(): number;
+  canShoot(): boolean;
+  seen(): LiveView['state']['seen'];
+  views(): readonly { readonly id: string; readonly number: number | null; readonly state: string }[];
+  timeline(): ReturnType<LiveView['timeline']['all']>;
+  resident(): { readonly bytes: number; readonly views: number };
+  readonly phone: VirtualPhone | null;
+}
+
+declare global {
+  interface Window { peaking?: Inspection }
+}
+
+const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
+  'no-picture': 'Waiting for the camera',
+  'tracking-lost': 'Tracking lost: move slowly, towards something with texture',
+  'no-depth': 'No depth yet: move the phone a little from side to side',
+  'too-fast': 'Slower: pictures taken in haste are blurred',
+  busy: null,
+};
+/** A notice comes only when what hinders has lasted, so that nothing flickers. */
+const NOTICE_AFTER_MS = 700;
+
+interface Source {
+  readonly source: FrameSource;
+  readonly phone: VirtualPhone | null;
+  readonly replay: ReplayControls | null;
+}
+
+async function main(): Promise<void> {
+  const stage = elementOf('stage');
+  const overlay = elementOf('overlay');
+  const start = new StartPage(overlay);
+  try {
+    await capture(stage, overlay, start);
+  } catch (error) {
+    start.fail(error instanceof Error ? error.message : String(error), () => location.reload());
+    throw error;
+  }
+}
+
+async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPage): Promise<void> {
+  const api = new Api();
+  await api.pairFromHash();
+  const info = await api.server();
+  const query = new URLSearchParams(location.search);
+  const choice = chooseSource(query, info.recordings, await canDoAr());
+  for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
+    key.hidden = key.dataset['only'] !== choice.kind;
+  }
+  const { source, phone, replay } = await sourceOf(choice, api, stage, overlay, query);
+  const session = await CaptureSession.open({
+    api,
+    db: await CaptureDb.open(),
+    source: choice.kind,
+    name: nameOf(choice),
+    device: navigator.userAgent.slice(0, 400),
+    sessionId: query.get('session'),
+    resume: choice.kind !== 'webxr',
+  });
+  const gl = contextOf(stage);
+  let problem: string | null = null;
+  const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
+  live.look = { ...live.look, threshold: info.options.error_threshold };
+  const hud = new Hud(overlay, {
+    shoot: () => live.shoot(() => { problem = null; hud.confirm(); }),
+    undo: (id) => void session.undo(id),
+    retry: (id) => void session.retry(id),
+    setLook: (look) => { live.look = look; },
+    finish: (name) => void session.finish(name),
+    newSession: () => beginAnew(query),
+    datasetUrl: session.datasetUrl,
+  }, replay);
+  window.peaking = inspectionOf(live, session, phone);
+
+  const notices = new Notices(info, api);
+  const onFrame = (frame: Parameters<LiveView['draw']>[0]): void => {
+    live.draw(frame);
+    const { seen, hindrance, camera } = live.state;
+    const { trouble, storageProblem, name, views } = session.snapshot;
+    hud.show({
+      time_ms: frame.time_ms,
+      look: live.look,
+      peakedShare: seen?.peakedShare ?? null,
+      views,
+      notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
+      canShoot: hindrance === null,
+      sessionName: name,
+    });
+    if (camera !== null && seen?.peakedShare != null) {
+      session.reportPeaked({
+        time_s: Date.now() / 1000,
+        peaked_share: seen.peakedShare,
+        missing_share: seen.missingShare ?? 0,
+        views: views.length,
+        world_from_cam: Array.from(camera.worldFromCam.rows),
+      });
+    }
+  };
+  for (;;) {
+    if (choice.kind === 'webxr') await start.ask('Start the camera');
+    await source.run(gl, onFrame, new AbortController().signal);
+    await new Promise<void>((resolve) => start.ended(resolve));
+    start.hide();
+  }
+}
+
+/** What to tell the photographer, once it has lasted for a moment. */
+class Notices {
+  #hindrance: Hindrance = null;
+  #since_ms = 0;
+  #warm: boolean;
+
+  constructor(info: ServerInfo, api: Api) {
+    this.#warm = info.warm;
+    if (!this.#warm) void this.#waitUntilWarm(api);
+  }
+
+  of(time_ms: number, hindrance: Hindrance, trouble: string | null): string | null {
+    if (hindrance !== this.#hindrance) {
+      this.#hindrance = hindrance;
+      this.#since_ms = time_ms;
+    }
+    if (hindrance !== null && time_ms - this.#since_ms > NOTICE_AFTER_MS) {
+      const sentence = HINDRANCES[hindrance];
+      if (sentence !== null) return sentence;
+    }
+    if (trouble !== null) return trouble;
+    return this.#warm ? null : 'The server compiles its kernels (once, half a minute)';
+  }
+
+  async #waitUntilWarm(api: Api): Promise<void> {
+    while (!this.#warm) {
+      await new Promise((resolve) => setTimeout(resolve, 1500));
+      this.#warm = await api.server().then((info) => info.warm, () => false);
+    }
+  }
+}
+
+async function sourceOf(
+  choice: Choice, api: Api, stage: HTMLElement, overlay: HTMLElement, query: URLSearchParams,
+): Promise<Source> {
+  switch (choice.kind) {
+    case 'webxr':
+      return { source: webXrSource({ overlay }), phone: null, replay: null };
+    case 'replay': {
+      const replay = new ReplayControls();
+      return { source: replaySource(api, choice.recording ?? '', replay), phone: null, replay };
+    }
+    case 'virtual': {
+      // The drawn room brings three.js with it, which phones need not load.
+      const { installVirtualPhone } = await import('./sources/virtual/phone');
+      const exactDepth = query.get('depth') === 'exact';
+      const phone = installVirtualPhone({ stage, overlay: null, exactDepth });
+      return { source: phone.source, phone, replay: null };
+    }
+    default:
+      return choice.kind satisfies never;
+  }
+}
+
+function contextOf(stage: HTMLElement): WebGL2RenderingContext {
+  const canvas = stage.querySelector('canvas');
+  const gl = canvas?.getContext('webgl2', {
+    alpha: false, antialias: false, depth: false, xrCompatible: true,
+    powerPreference: 'high-performance',
+  });
+  if (gl == null) {
+    throw new Error('This browser has no WebGL 2, with which the pictures are drawn.');
+  }
+  canvas?.addEventListener('webglcontextlost', () => location.reload());
+  return gl;
+}
+
+async function canDoAr(): Promise<boolean> {
+  return (await navigator.xr?.isSessionSupported('immersive-ar').catch(() => false)) ?? false;
+}
+
+function nameOf(choice: Choice): string {
+  const when = new Date().toLocaleString([], { dateStyle: 'medium', timeStyle: 'short' });
+  switch (choice.kind) {
+    case 'webxr': return when;
+    case 'virtual': return `Virtual room, ${when}`;
+    case 'replay': return `${choice.recording ?? 'Recording'}, ${when}`;
+    default: return choice.kind satisfies never;
+  }
+}
+
+function beginAnew(query: URLSearchParams): void {
+  const next = new URLSearchParams(query);
+  next.set('session', crypto.randomUUID());
+  location.search = next.toString();
+}
+
+function inspectionOf(
+  live: LiveView, session: CaptureSession, phone: VirtualPhone | null,
+): Inspection {
+  return {
+    frames: () => live.frames,
+    canShoot: () => live.state.hindrance === null,
+    seen: () => live.state.seen,
+    views: () => session.views.map(({ id, number, state }) => ({ id, number, state })),
+    timeline: () => live.timeline.all(),
+    resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
+    phone,
+  };
+}
+
+function elementOf(id: string): HTMLElement {
+  const element = document.getElementById(id);
+  if (element === null) throw new Error(`the page has no element #${id}`);
+  return element;
+}
+
+void main();

@@ -1,0 +1,63 @@
+/** Four steps, taken by doing them: shoot – move – shoot the red – see it go. */
+
+export interface CoachMoment {
+  readonly views: number;
+  /** Views whose MPI takes part already. */
+  readonly ready: number;
+  readonly peakedShare: number | null;
+}
+
+export const STEPS = [
+  { title: 'Take a first view', text: 'Press the round button. Hold still for that.' },
+  { title: 'Now move', text: 'Walk a step aside. What this view cannot show turns red.' },
+  { title: 'Press where it is red', text: 'Another view from here teaches the model what is missing.' },
+  { title: 'The red goes', text: 'Go on until nothing is red from wherever you look, then finish.' },
+] as const;
+
+/** Peaked share at which a beginner notices the red. */
+const MUCH_RED = 0.06;
+/** It went when it fell to this part of what it was. */
+const GONE = 0.8;
+
+export class Coach {
+  /** Index of the step to take; `STEPS.length` when all are taken. */
+  step = 0;
+  #viewsBefore = 0;
+  #redBefore = 0;
+
+  /** Tell what is; moves on when a step has been taken. */
+  update(now: CoachMoment): void {
+    const red = now.peakedShare ?? 0;
+    switch (this.step) {
+      case 0:
+        if (now.ready > 0) this.#next(now);
+        break;
+      case 1:
+        if (red > MUCH_RED) this.#next(now);
+        break;
+      case 2:
+        if (now.views > this.#viewsBefore) this.#next(now);
+        else this.#redBefore = Math.max(this.#redBefore, red);
+        break;
+      case 3:
+        if (now.ready >= now.views && red < GONE * this.#redBefore) this.#next(now);
+        break;
+      default:
+    }
+  }
+
+  /** From the beginning. */
+  restart(): void {
+    this.step = 0;
+    this.#redBefore = 0;
+  }
+
+  get done(): boolean {
+    return this.step >= STEPS.length;
+  }
+
+  #next(now: CoachMoment): void {
+    this.step += 1;
+    this.#viewsBefore = now.views;
+  }
+}

@@ -1,0 +1,264 @@
+/** What lies over the picture: share of red, coach, views, shutter; and the keys. */
+
+import type { CapturedView } from '../capture/capture_session';
+import type { Look, Overlay } from '../render/view_renderer';
+import type { ReplayControls } from '../sources/replay';
+import { Coach, STEPS } from './coach';
+import { button, make, say, show } from './dom';
+import { percent, ShareHistory } from './share_graph';
+import { finishSheet, settingsSheet, viewsSheet, type Sheet } from './sheets';
+
+export interface HudActions {
+  shoot(): void;
+  undo(id: string): void;
+  retry(id: string): void;
+  setLook(look: Look): void;
+  finish(name: string): void;
+  newSession(): void;
+  readonly datasetUrl: string;
+}
+
+export interface HudState {
+  readonly time_ms: number;
+  readonly look: Look;
+  readonly peakedShare: number | null;
+  readonly views: readonly CapturedView[];
+  /** A sentence about what hinders, or null. */
+  readonly notice: string | null;
+  readonly canShoot: boolean;
+  readonly sessionName: string;
+}
+
+const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
+  ['mpi', 'Double', 'the digital double alone'],
+  ['video', 'Red on video', 'red over the live picture'],
+  ['peaks', 'Red on double', 'red over the digital double'],
+];
+const COACH_SEEN = 'peaking.coach-seen';
+/** The number changes at most this often, so that it can be read. */
+const NUMBER_EVERY_MS = 400;
+
+export class Hud {
+  readonly #root: HTMLElement;
+  readonly #actions: HudActions;
+  readonly #history = new ShareHistory();
+  readonly #coach = new Coach();
+  readonly #share = make('strong', {}, '–');
+  readonly #graph = make('canvas', { width: 264, height: 60 });
+  readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
+  readonly #coachTitle = make('b');
+  readonly #coachText = make('span');
+  readonly #coachSteps = make('ol', {}, ...STEPS.map(() => make('li')));
+  readonly #coachBox: HTMLElement;
+  readonly #looks = new Map<Overlay, HTMLButtonElement>();
+  readonly #strip = make('div', { className: 'strip' });
+  readonly #count = button('pill', '0 views', 'List of views', () => this.#open('views'));
+  readonly #shutter = button('shutter', '', 'Take a view (space)', () => this.#shoot());
+  readonly #finish = button('pill', 'Finish', 'Finish the session', () => this.#open('finish'));
+  readonly #flash = make('div', { className: 'flash' });
+  readonly #replay: ReplayControls | null;
+  readonly #scrub = make('input', { type: 'range', min: '0', step: '1', value: '0' });
+  readonly #position = make('output');
+  #play: HTMLButtonElement | null = null;
+  #sheet: Sheet | null = null;
+  #state: HudState | null = null;
+  #shownViews: readonly CapturedView[] = [];
+  #numberAt_ms = -Infinity;
+
+  constructor(root: HTMLElement, actions: HudActions, replay: ReplayControls | null) {
+    this.#root = root;
+    this.#actions = actions;
+    this.#replay = replay;
+    this.#notice.ariaLive = 'polite';
+    const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
+      this.#graph);
+    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is 4.28 %';
+    const tools = make('div', { className: 'tools' },
+      button('', '?', 'Show the steps again', () => this.#restartCoach()),
+      button('', '⚙', 'Settings', () => this.#open('settings')));
+    this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
+      this.#coachSteps, button('', '✕', 'Hide the steps', () => this.#endCoach()));
+    if (stored(COACH_SEEN) !== null) this.#coach.step = STEPS.length;
+    const looks = make('div', { className: 'looks' });
+    for (const [overlay, name, label] of OVERLAYS) {
+      const each = button('', name, label, () => this.#setOverlay(overlay));
+      this.#looks.set(overlay, each);
+      looks.append(each);
+    }
+    const bottom = make('div', { className: 'bottom' }, looks, ...this.#player(), this.#strip,
+      make('div', { className: 'shoot' },
+        make('div', { className: 'side' }, this.#count), this.#shutter,
+        make('div', { className: 'side' }, this.#finish)));
+    root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
+      this.#coachBox, bottom);
+    window.addEventListener('keydown', (event) => this.#key(event));
+  }
+
+  /** Show a state; may be called for every frame. */
+  show(state: HudState): void {
+    this.#state = state;
+    if (state.peakedShare !== null && this.#history.add(state.time_ms, state.peakedShare)) {
+      this.#history.draw(this.#graph);
+    }
+    if (state.time_ms - this.#numberAt_ms > NUMBER_EVERY_MS) {
+      this.#numberAt_ms = state.time_ms;
+      say(this.#share, percent(state.peakedShare));
+    }
+    say(this.#notice, state.notice ?? '');
+    show(this.#notice, state.notice !== null);
+    if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
+    for (const [overlay, each] of this.#looks) {
+      const pressed = String(overlay === state.look.overlay);
+      if (each.ariaPressed !== pressed) each.ariaPressed = pressed;
+    }
+    if (state.views !== this.#shownViews) this.#showViews(state.views);
+    this.#showCoach(state);
+    this.#showPlayer();
+  }
+
+  /** A view is safe on this device: say it without words. */
+  confirm(): void {
+    this.#history.shot(this.#state?.time_ms ?? 0);
+    this.#flash.classList.remove('on');
+    void this.#flash.offsetWidth; // begins the animation anew
+    this.#flash.classList.add('on');
+    navigator.vibrate?.(30);
+  }
+
+  #shoot(): void {
+    if (this.#state?.canShoot === true) this.#actions.shoot();
+  }
+
+  #showViews(views: readonly CapturedView[]): void {
+    this.#shownViews = views;
+    say(this.#count, views.length === 1 ? '1 view' : `${views.length} views`);
+    this.#strip.replaceChildren(...views.map((view, i) => {
+      const thumb = make('button', {
+        className: `thumb ${view.state}`, type: 'button', onclick: () => this.#open('views'),
+      }, make('img', { src: view.thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
+      thumb.ariaLabel = `View ${i + 1}: ${view.state}`;
+      return thumb;
+    }));
+    this.#strip.scrollLeft = this.#strip.scrollWidth;
+    this.#sheet?.update?.(views);
+  }
+
+  #showCoach(state: HudState): void {
+    const before = this.#coach.step;
+    this.#coach.update({
+      views: state.views.length,
+      ready: state.views.filter((view) => view.state === 'ready').length,
+      peakedShare: state.peakedShare,
+    });
+    if (this.#coach.done && before < STEPS.length) this.#endCoach();
+    const step = STEPS[this.#coach.step];
+    show(this.#coachBox, step !== undefined && this.#sheet === null);
+    if (step === undefined) return;
+    say(this.#coachTitle, step.title);
+    say(this.#coachText, step.text);
+    if (before === this.#coach.step && this.#coachSteps.dataset['step'] === String(before)) return;
+    this.#coachSteps.dataset['step'] = String(this.#coach.step);
+    Array.from(this.#coachSteps.children).forEach((each, i) =>
+      each.classList.toggle('done', i <= this.#coach.step));
+  }
+
+  #restartCoach(): void {
+    this.#coach.restart();
+  }
+
+  #endCoach(): void {
+    this.#coach.step = STEPS.length;
+    store(COACH_SEEN, 'yes');
+  }
+
+  #setOverlay(overlay: Overlay): void {
+    if (this.#state !== null) this.#actions.setLook({ ...this.#state.look, overlay });
+  }
+
+  #open(which: 'views' | 'settings' | 'finish'): void {
+    this.#close();
+    const state = this.#state;
+    if (state === null) return;
+    const close = (): void => this.#close();
+    switch (which) {
+      case 'views': this.#sheet = viewsSheet(state.views, this.#actions, close); break;
+      case 'settings': this.#sheet = settingsSheet(state.look, this.#actions, close); break;
+      case 'finish':
+        this.#sheet = finishSheet(state.sessionName, state.views, this.#actions, close);
+        break;
+      default: which satisfies never;
+    }
+    const element = this.#sheet?.element;
+    if (element === undefined) return;
+    this.#root.append(element);
+    element.querySelector<HTMLElement>('button, input')?.focus();
+  }
+
+  #close(): void {
+    this.#sheet?.element.remove();
+    this.#sheet = null;
+  }
+
+  #player(): HTMLElement[] {
+    const controls = this.#replay;
+    if (controls === null) return [];
+    this.#play = button('', '▶', 'Play or pause', () => {
+      if (controls.playing) controls.pause();
+      else controls.play();
+    });
+    this.#scrub.ariaLabel = 'Position in the recording';
+    this.#scrub.oninput = () => {
+      controls.pause();
+      controls.seek(Number(this.#scrub.value));
+    };
+    return [make('div', { className: 'player' }, this.#play,
+      button('', '‹', 'One frame back', () => controls.step(-1)),
+      button('', '›', 'One frame on', () => controls.step(1)), this.#scrub, this.#position)];
+  }
+
+  #showPlayer(): void {
+    const controls = this.#replay;
+    if (controls === null) return;
+    this.#scrub.max = String(Math.max(controls.count - 1, 0));
+    if (this.#scrub.value !== String(controls.index)) this.#scrub.value = String(controls.index);
+    say(this.#position, `${controls.index + 1}/${controls.count}`);
+    if (this.#play !== null) say(this.#play, controls.playing ? '⏸' : '▶');
+  }
+
+  #key(event: KeyboardEvent): void {
+    const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
+    if (event.key === 'Escape') this.#close();
+    if (typing || event.repeat || event.altKey || event.metaKey) return;
+    if (event.ctrlKey && event.key !== 'z') return;
+    const last = this.#state?.views.at(-1);
+    switch (event.key) {
+      case ' ': case 'AudioVolumeUp': case 'VolumeUp': this.#shoot(); break;
+      case 'z': case 'Z': if (last !== undefined) this.#actions.undo(last.id); break;
+      case '1': case '2': case '3':
+        this.#setOverlay(OVERLAYS[Number(event.key) - 1]?.[0] ?? 'peaks');
+        break;
+      case 'f': case 'F': this.#open('finish'); break;
+      case '?': this.#restartCoach(); break;
+      case ',': this.#replay?.step(-1); break;
+      case '.': this.#replay?.step(1); break;
+      default: return;
+    }
+    event.preventDefault(); // space would press the button that has the focus, too
+  }
+}
+
+function stored(key: string): string | null {
+  try {
+    return localStorage.getItem(key);
+  } catch {
+    return null; // storage is switched off: then nothing was seen before
+  }
+}
+
+function store(key: string, value: string): void {
+  try {
+    localStorage.setItem(key, value);
+  } catch {
+    // Storage is switched off: the coach comes again next time.
+  }
+}

@@ -1,0 +1,125 @@
+/** What slides up from below: the list of views, settings, the end of a session. */
+
+import type { CapturedView } from '../capture/capture_session';
+import type { Look } from '../render/view_renderer';
+import { button, make } from './dom';
+import type { HudActions } from './hud';
+
+export interface Sheet {
+  readonly element: HTMLElement;
+  /** Called when views change while it is open. */
+  readonly update?: (views: readonly CapturedView[]) => void;
+}
+
+const STATES: Readonly<Record<CapturedView['state'], string>> = {
+  waiting: 'on this device, waiting for the server',
+  uploading: 'on its way to the server',
+  queued: 'on the server, its planes are being made',
+  ready: 'on the server, part of the picture',
+  failed: 'has a problem',
+};
+
+function sheet(title: string, close: () => void, ...content: Node[]): HTMLElement {
+  const element = make('section', { className: 'sheet', role: 'dialog' },
+    make('h2', {}, title), button('close', '✕', 'Close', close), ...content);
+  element.ariaLabel = title;
+  return element;
+}
+
+export function viewsSheet(
+  views: readonly CapturedView[], actions: HudActions, close: () => void,
+): Sheet {
+  const list = make('ul');
+  const update = (now: readonly CapturedView[]): void => {
+    const items = now.map((view, i) => viewItem(view, i, i === now.length - 1, actions));
+    list.replaceChildren(...items.reverse());
+    if (now.length === 0) list.replaceChildren(make('li', {}, 'No views yet.'));
+  };
+  update(views);
+  return { element: sheet('Views', close, list), update };
+}
+
+function viewItem(
+  view: CapturedView, index: number, isLast: boolean, actions: HudActions,
+): HTMLElement {
+  const undo = (): void => {
+    if (isLast || confirm(`Undo view ${index + 1}? The server keeps the photo aside.`)) {
+      actions.undo(view.id);
+    }
+  };
+  return make('li', {},
+    make('img', { src: view.thumbnailUrl, alt: '' }),
+    make('div', {}, `View ${index + 1}`,
+      make('small', {}, view.problem ?? STATES[view.state])),
+    ...(view.state === 'failed' && !view.onServer
+      ? [button('pill', 'Try again', `Send view ${index + 1} again`, () => actions.retry(view.id))]
+      : []),
+    button('pill', 'Undo', `Undo view ${index + 1}`, undo));
+}
+
+export function settingsSheet(look: Look, actions: HudActions, close: () => void): Sheet {
+  let now = look;
+  const change = (part: Partial<Look>): void => {
+    now = { ...now, ...part };
+    actions.setLook(now);
+  };
+  const pattern = make('input', { type: 'checkbox', checked: look.pattern });
+  pattern.onchange = () => change({ pattern: pattern.checked });
+  return {
+    element: sheet('Settings', close,
+      slider('Error that counts as red', 0.05, 1.5, 0.01, look.threshold, (threshold) =>
+        change({ threshold })),
+      slider('Strength of the red', 0.1, 1, 0.05, look.peakOpacity, (peakOpacity) =>
+        change({ peakOpacity })),
+      make('label', {}, pattern, ' Stripes in place of red (for eyes that do not tell red apart)'),
+      make('p', {}, 'The error is the sum over red, green and blue of the difference between the '
+        + 'digital double and the live picture; the paper uses 0.40.')),
+  };
+}
+
+function slider(
+  name: string, min: number, max: number, step: number, value: number,
+  onchange: (value: number) => void,
+): HTMLElement {
+  const output = make('output', {}, value.toFixed(2));
+  const input = make('input', {
+    type: 'range', min: String(min), max: String(max), step: String(step), value: String(value),
+  });
+  input.oninput = () => {
+    output.textContent = Number(input.value).toFixed(2);
+    onchange(Number(input.value));
+  };
+  return make('label', {}, name, output, input);
+}
+
+export function finishSheet(
+  name: string, views: readonly CapturedView[], actions: HudActions, close: () => void,
+): Sheet {
+  const input = make('input', { type: 'text', value: name, maxLength: 80 });
+  const state = make('p');
+  const download = make('a', { className: 'primary', href: actions.datasetUrl, download: '' },
+    'Download the data set (zip)');
+  const update = (now: readonly CapturedView[]): void => {
+    const onServer = now.filter((view) => view.onServer).length;
+    state.textContent = onServer === now.length
+      ? `${now.length} views, all on the server's disk.`
+      : `${onServer} of ${now.length} views are on the server; the others are safe on this device `
+        + 'and follow as soon as there is a connection.';
+    download.hidden = onServer === 0;
+  };
+  update(views);
+  const finish = (): void => {
+    actions.finish(input.value.trim() || name);
+    close();
+  };
+  download.onclick = () => actions.finish(input.value.trim() || name);
+  return {
+    element: sheet('Finish', close, state, make('label', {}, 'Name of the session', input),
+      download,
+      make('button', { className: 'secondary', type: 'button', onclick: finish },
+        'Leave it on the server'),
+      make('button', { className: 'secondary', type: 'button', onclick: () => actions.newSession() },
+        'Begin a new session')),
+    update,
+  };
+}

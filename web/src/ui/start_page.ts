@@ -1,0 +1,52 @@
+/** Before the picture: a button, because browsers start the camera only after a tap; and errors. */
+
+import { make, show } from './dom';
+
+export class StartPage {
+  readonly #box = make('section', { className: 'start', hidden: true });
+
+  constructor(root: HTMLElement) {
+    root.append(this.#box);
+  }
+
+  /** Ask for the tap; resolves with it. */
+  ask(label: string): Promise<void> {
+    return new Promise((resolve) => {
+      const start = make('button', { className: 'primary', type: 'button' }, label);
+      start.onclick = () => {
+        this.hide();
+        resolve();
+      };
+      this.#fill('Ready', make('p', {}, 'Walk around the scene. Press the shutter where it turns '
+        + 'red, until nothing is red any more.'), start,
+      make('a', { className: 'secondary', href: './?source=virtual' }, 'Try the virtual phone'));
+    });
+  }
+
+  /** Say what went wrong and what to do; `again` is offered when it makes sense. */
+  fail(sentence: string, again: (() => void) | null): void {
+    const error = make('div', { className: 'error', role: 'alert' }, sentence);
+    const retry = make('button', { className: 'primary', type: 'button' }, 'Try again');
+    if (again !== null) retry.onclick = again;
+    this.#fill('That did not work', error, ...(again === null ? [] : [retry]),
+      make('a', { className: 'secondary', href: './check' }, 'What this browser can do'),
+      make('a', { className: 'secondary', href: './?source=virtual' }, 'Try the virtual phone'));
+  }
+
+  /** It is over: the phone's session ended. */
+  ended(again: () => void): void {
+    const start = make('button', { className: 'primary', type: 'button', onclick: again },
+      'Go on');
+    this.#fill('Paused', make('p', {}, 'Everything you took is safe.'), start,
+      make('a', { className: 'secondary', href: './sessions' }, 'All sessions'));
+  }
+
+  hide(): void {
+    show(this.#box, false);
+  }
+
+  #fill(title: string, ...content: Node[]): void {
+    this.#box.replaceChildren(make('h2', {}, title), ...content);
+    show(this.#box, true);
+  }
+}

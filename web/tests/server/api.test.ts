@@ -1,0 +1,168 @@
+import { expect, test } from 'vitest';
+
+import { Api, ApiError } from '../../src/server/api';
+import { EventStreamReader } from '../../src/server/event_stream';
+import { sessionEvents, type Connection } from '../../src/server/events';
+import type { SessionEvent } from '../../src/wire';
+import { ModelClock, settle } from '../capture/support';
+
+interface Asked { url: string; init: RequestInit }
+
+function apiThat(answer: (asked: Asked) => Response | Promise<Response>): [Api, Asked[]] {
+  const asked: Asked[] = [];
+  const fake = async (url: RequestInfo | URL, init: RequestInit = {}): Promise<Response> => {
+    const one = { url: String(url), init };
+    asked.push(one);
+    return answer(one);
+  };
+  return [new Api('http://server', { fetch: fake, timeout_ms: 50 }), asked];
+}
+
+const page = (hash: string) => {
+  const shown: string[] = [];
+  return {
+    shown,
+    location: { hash, pathname: '/', search: '?source=virtual' },
+    history: {
+      replaceState: (_data: unknown, _title: string, url?: string | URL | null) =>
+        void shown.push(String(url)),
+    },
+  };
+};
+
+test('the token of the link pairs once and leaves the address bar', async () => {
+  const [api, asked] = apiThat(() => new Response(null, { status: 204 }));
+  const shown = page('#token=se%2Bcret&view=2');
+  expect(await api.pairFromHash(shown)).toBe(true);
+  expect(asked[0]?.url).toBe('http://server/api/v1/pair');
+  expect(asked[0]?.init).toMatchObject(
+    { method: 'POST', headers: { Authorization: 'Bearer se+cret' } });
+  expect(shown.shown).toEqual(['/?source=virtual#view=2']);
+  expect(await api.pairFromHash(page(''))).toBe(false);
+  expect(asked).toHaveLength(1);
+});
+
+test('a wrong token leaves the address bar too; without an answer it stays', async () => {
+  const [refusing] = apiThat(() => new Response('', { status: 401 }));
+  const shown = page('#token=x');
+  await expect(refusing.pairFromHash(shown)).rejects.toMatchObject({ status: 401 });
+  expect(shown.shown).toEqual(['/?source=virtual']);
+  const [silent] = apiThat(() => { throw new TypeError('Failed to fetch'); });
+  const kept = page('#token=x');
+  await expect(silent.pairFromHash(kept)).rejects.toMatchObject({ status: 0 });
+  expect(kept.shown).toEqual([]);
+});
+
+test('a server with another protocol is refused with a sentence', async () => {
+  const [api] = apiThat(() => new Response(JSON.stringify({ protocol: 2 })));
+  await expect(api.server()).rejects.toThrow(/version 2 of the protocol.*version 1/);
+});
+
+test('refusals carry the sentence and the time to wait', async () => {
+  const [api] = apiThat(() => new Response('{"problem": "busy"}',
+    { status: 503, headers: { 'Retry-After': '3' } }));
+  await expect(api.session('s')).rejects.toEqual(new ApiError(503, 'busy', 3));
+  await expect(api.session('s')).rejects.toMatchObject({ status: 503, retryAfter_s: 3 });
+});
+
+test('no answer in time is an error without a status', async () => {
+  const [api] = apiThat(({ init }) => new Promise((_resolve, reject) =>
+    init.signal?.addEventListener('abort', () => reject(init.signal?.reason))));
+  await expect(api.sessions()).rejects.toMatchObject({ status: 0 });
+});
+
+test('ids never become a path', () => {
+  const [api] = apiThat(() => new Response());
+  expect(api.thumbnailUrl('../x', 'a?b')).toBe(
+    'http://server/api/v1/sessions/..%2Fx/captures/a%3Fb/thumbnail');
+});
+
+test('an upload is acknowledged only by an answer to it', async () => {
+  const [api] = apiThat(() => new Response('{"id": "another"}'));
+  await expect(api.uploadCapture('s', 'c', new Blob(['x']))).rejects.toMatchObject({ status: 0 });
+});
+
+test.each([1, 2, 3, 7, 100])('events are read from pieces of %i characters', (size) => {
+  const text = ': ping\n\ndata: one\n\nid: 4\r\ndata:two\r\ndata: lines\r\n\r\ndata: cut off';
+  const reader = new EventStreamReader();
+  const events: string[] = [];
+  for (let i = 0; i < text.length; i += size) events.push(...reader.push(text.slice(i, i + size)));
+  expect(events).toEqual(['one', 'two\nlines']);
+});
+
+function stream(): { response: Response; send(text: string): void; fail(): void } {
+  let control: ReadableStreamDefaultController<Uint8Array> | null = null;
+  const body = new ReadableStream<Uint8Array>({ start: (given) => { control = given; } });
+  const response = new Response(body, { headers: { 'Content-Type': 'text/event-stream' } });
+  return {
+    response,
+    send: (text) => control?.enqueue(new TextEncoder().encode(text)),
+    fail: () => control?.error(new TypeError('network error')),
+  };
+}
+
+function listen(api: Api): {
+  clock: ModelClock; events: SessionEvent[]; states: string[]; network: EventTarget;
+  stop(): Promise<void>;
+} {
+  const clock = new ModelClock();
+  const events: SessionEvent[] = [];
+  const states: string[] = [];
+  const network = new EventTarget();
+  const end = new AbortController();
+  const done = sessionEvents(api, 's', {
+    onEvent: (event) => void events.push(event),
+    onConnection: (state: Connection, refusal) =>
+      void states.push(state + (refusal === null ? '' : ` ${refusal.status}`)),
+  }, end.signal, { pacing: clock, network });
+  return {
+    clock, events, states, network,
+    stop: () => { end.abort(); return done; },
+  };
+}
+
+test('a broken stream is opened again, after a pause', async () => {
+  const streams = [stream(), stream()];
+  let opened = 0;
+  const [api] = apiThat(() => streams[opened++]?.response ?? new Response('', { status: 401 }));
+  const { clock, events, states, stop } = listen(api);
+  streams[0]?.send('data: {"type":"A"}\n\n');
+  await settle();
+  streams[0]?.fail();
+  await clock.until(() => opened === 2, 1000);
+  streams[1]?.send('data: {"type":"B"}\n\n');
+  await settle();
+  expect(events).toEqual([{ type: 'A' }, { type: 'B' }]);
+  expect(states).toEqual(['connecting', 'online', 'offline', 'online']);
+  streams[1]?.fail();
+  await clock.until(() => states.at(-1) === 'offline 401');
+  await stop();
+});
+
+test('a stream that falls silent is given up; pings keep it', async () => {
+  const first = stream();
+  let opened = 0;
+  const [api] = apiThat(() => opened++ === 0 ? first.response : stream().response);
+  const { clock, states, stop } = listen(api);
+  await settle();
+  first.send(': ping\n\n');
+  await clock.until(() => states.includes('offline'), 40_000);
+  expect(clock.now_ms).toBeGreaterThanOrEqual(35_000);
+  await clock.until(() => opened === 2, 1000);
+  await stop();
+});
+
+test('the browser says that the network is gone: at once offline, at once back', async () => {
+  let opened = 0;
+  const [api] = apiThat(() => { opened++; return stream().response; });
+  const { clock, states, network, stop } = listen(api);
+  await settle();
+  network.dispatchEvent(new Event('offline'));
+  await settle();
+  expect(states.at(-1)).toBe('offline');
+  network.dispatchEvent(new Event('online'));
+  await settle();
+  expect(states.at(-1)).toBe('online');
+  expect([opened, clock.now_ms]).toEqual([2, 0]);
+  await stop();
+});
