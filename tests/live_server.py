@@ -83,7 +83,8 @@ class LiveServer:
             found = re.search(r"https?://(localhost|127\.0\.0\.1):(\d+)", line)
             if found:
                 self.address, self.port = found.group(), int(found.group(2))
-                threading.Thread(target=self._drain, daemon=True).start()
+                self._drainer = threading.Thread(target=self._drain, daemon=True)
+                self._drainer.start()
                 return self
         pytest.fail(f"the server did not start: {''.join(self.said)}")
 
@@ -91,6 +92,7 @@ class LiveServer:
         """End it as a power cut would."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait(10)
+        self._drainer.join(5)
 
     def stop(self) -> None:
         """End it as Ctrl-C does."""
@@ -100,8 +102,10 @@ class LiveServer:
                 self.process.wait(20)
             except subprocess.TimeoutExpired:
                 self.process.kill()
+                self.process.wait(10)
+        self._drainer.join(5)
 
     def _drain(self) -> None:
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.said.append(line)
+        with self.process.stdout as lines:
+            self.said.extend(lines)

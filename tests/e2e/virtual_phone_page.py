@@ -38,7 +38,11 @@ class VirtualPhonePage:
 
     def wait_until_running(self) -> None:
         """Wait for pictures with depth: ARCore's depth is late, and so is the virtual phone's."""
-        self.page.wait_for_function("window.peaking?.canShoot() === true", timeout=PATIENCE_MS)
+        self.until("() => window.peaking?.canShoot() === true")
+
+    def until(self, holds: str, argument: object = None) -> None:
+        """Wait until a function of the page returns true (its CSP forbids playwright's own way)."""
+        self.wait_for(lambda: self.page.evaluate(holds, argument) is True)
 
     def hold(self, pose: Sequence[float]) -> None:
         """Put the phone somewhere, and wait until it has been seen from there."""
@@ -48,9 +52,7 @@ class VirtualPhonePage:
     def let_pass(self, frames: int) -> None:
         """Wait for so many frames more."""
         before = self.page.evaluate("window.peaking.frames()")
-        self.page.wait_for_function(
-            "wanted => window.peaking.frames() >= wanted", arg=before + frames, timeout=PATIENCE_MS
-        )
+        self.until("wanted => window.peaking.frames() >= wanted", before + frames)
 
     def shoot(self) -> str:
         """Press the shutter's key; return the new view's id when the phone holds the capture."""
@@ -62,10 +64,9 @@ class VirtualPhonePage:
     def shoot_and_wait(self) -> str:
         """Press the shutter and wait until the new MPI takes part in the picture."""
         view_id = self.shoot()
-        self.page.wait_for_function(
+        self.until(
             "id => window.peaking.timeline().some(c => c.id === id && c.times.drawn !== undefined)",
-            arg=view_id,
-            timeout=PATIENCE_MS,
+            view_id,
         )
         self.let_pass(6)
         return view_id
@@ -89,7 +90,7 @@ class VirtualPhonePage:
         """Wait until something holds."""
         until = time.monotonic() + seconds
         while not holds():
-            assert time.monotonic() < until, f"waited {seconds} s; {self.views()} {self.problems}"
+            assert time.monotonic() < until, f"waited {seconds} s; {self.problems}"
             self.page.wait_for_timeout(100)
 
     def keep_picture(self, name: str) -> None:

@@ -31,8 +31,8 @@ export interface HudState {
 
 const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
   ['mpi', 'Double', 'the digital double alone'],
-  ['video', 'Red on video', 'red over the live picture'],
-  ['peaks', 'Red on double', 'red over the digital double'],
+  ['video', 'Video + red', 'red over the live picture'],
+  ['peaks', 'Double + red', 'red over the digital double'],
 ];
 const COACH_SEEN = 'peaking.coach-seen';
 /** The number changes at most this often, so that it can be read. */
