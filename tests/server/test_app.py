@@ -1,0 +1,354 @@
+from __future__ import annotations
+
+import errno
+import logging
+import threading
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
+from peaking.datasets.nerfstudio import open_recording
+from peaking.mpi_file import decode
+from peaking.server import wire
+from peaking.server.app import ServerConfig, create_app
+from peaking.server.openapi import OPERATIONS
+from peaking.server.recordings import PlayedRecording
+from peaking.server.sessions import OpenSession, SessionStore
+
+TOKEN = "a-token-of-this-test"
+SESSION = f"/api/v1/sessions/{SESSION_ID}"
+DESK = Path(__file__).parents[2] / "scenes" / "desk"
+
+
+def capture_path(number: int) -> str:
+    return f"{SESSION}/captures/{capture_id(number)}"
+
+
+def client_of(root: Path, *, token: str | None = TOKEN, **config: Any) -> TestClient:
+    pages = root / "client"
+    pages.mkdir(parents=True, exist_ok=True)
+    for name in ("index", "check", "sessions"):
+        (pages / f"{name}.html").write_text(f"<p>{name}</p>")
+    store = SessionStore(root / "sessions")
+    app = create_app(store=store, config=ServerConfig(token=token, client_dir=pages, **config))
+    headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+    return TestClient(
+        app, base_url="http://localhost", headers=headers, raise_server_exceptions=False
+    )
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Generator[TestClient, None, None]:
+    with client_of(tmp_path) as client:
+        client.post("/api/v1/sessions", json=new_session())
+        yield client
+
+
+def wait_until_made(client: TestClient, number: int) -> dict[str, Any]:
+    until = time.monotonic() + 90
+    while time.monotonic() < until:
+        captures = client.get(SESSION).json()["captures"]
+        (capture,) = [c for c in captures if c["id"] == capture_id(number)]
+        if capture["state"] != "queued":
+            return capture
+        time.sleep(0.05)
+    raise AssertionError("the MPI was not made")
+
+
+def test_a_capture_becomes_an_mpi(client: TestClient) -> None:
+    first = client.post(capture_path(1), content=upload(1))
+    assert (first.status_code, first.json()["state"]) == (201, "queued")
+    again = client.post(capture_path(1), content=upload(1))
+    assert (again.status_code, again.json()["number"]) == (200, 1)
+    made = wait_until_made(client, 1)
+    assert made["state"] == "ready", made["problem"]
+    answer = client.get(f"{capture_path(1)}/mpi")
+    assert len(answer.content) == made["mpi_bytes"]
+    assert "immutable" in answer.headers["cache-control"]
+    assert len(decode(answer.content).plane_depths_m) == 32
+    assert client.get(f"{capture_path(1)}/photo").content == photo(1)
+    assert client.get(f"{capture_path(1)}/thumbnail").content[:2] == b"\xff\xd8"
+
+
+def test_without_depth_it_is_kept_and_said(client: TestClient, tmp_path: Path) -> None:
+    from capture_uploads import body_of, header
+
+    body = body_of(header(1, depth=None), photo(1))
+    assert client.post(capture_path(1), content=body).status_code == 201
+    made = wait_until_made(client, 1)
+    assert made["state"] == "failed"
+    assert "depth" in made["problem"]
+    assert client.get(f"{capture_path(1)}/mpi").status_code == 404
+
+
+def test_an_undo(client: TestClient) -> None:
+    client.post(capture_path(1), content=upload(1))
+    assert client.delete(capture_path(1)).json()["removed"]
+    assert client.delete(capture_path(1)).json()["removed"]
+    late = client.post(capture_path(1), content=upload(1))
+    assert (late.status_code, late.json()["removed"]) == (200, True)
+    assert client.delete(capture_path(2)).status_code == 404
+
+
+def test_the_session_can_be_named_and_taken_home(client: TestClient) -> None:
+    client.post(capture_path(1), content=upload(1))
+    change = client.patch(SESSION, json={"name": "Küche", "finished": True})
+    assert (change.json()["name"], change.json()["finished"]) == ("Küche", True)
+    answer = client.get(f"{SESSION}/dataset.zip")
+    assert answer.content[:2] == b"PK"
+    assert client.get("/api/v1/sessions").json()[0]["captures"] == 1
+
+
+def test_peaked_shares_are_kept(client: TestClient) -> None:
+    pose = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]
+    sample = {"time_s": 1.0, "peaked_share": 0.2, "missing_share": 0.1, "views": 1}
+    told = {"samples": [sample | {"world_from_cam": pose}]}
+    assert client.post(f"{SESSION}/peaked", json=told).status_code == 204
+    assert client.get(f"{SESSION}/peaked").json()["samples"][0]["peaked_share"] == 0.2
+    assert client.get(SESSION).json()["summary"]["peaked_share"] == 0.2
+
+
+def test_a_recording_is_played(tmp_path: Path) -> None:
+    desk = PlayedRecording("desk", open_recording(DESK))
+    with client_of(tmp_path, recordings={"desk": desk}) as client:
+        index = client.get("/api/v1/recordings/desk").json()
+        assert len(index["frames"]) == 150
+        frame = "/api/v1/recordings/desk/frames/3"
+        assert client.get(f"{frame}/photo").content[:2] == b"\xff\xd8"
+        layout = index["frames"][3]["depth"]
+        size = 2 * layout["width_px"] * layout["height_px"]
+        assert len(client.get(f"{frame}/depth").content) == size
+        for missing in ("desk/frames/150/photo", "desk/frames/-1/photo", "chair", "..%2f..%2fetc"):
+            assert client.get(f"/api/v1/recordings/{missing}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/api/v1/sessions/no-such-session", 404),
+        ("GET", "/api/v1/sessions/..%2f..%2fetc", 404),
+        ("GET", "/api/v1/sessions/%2e%2e", 404),
+        ("GET", f"{SESSION}/captures/..%2f..%2flog.jsonl/photo", 404),
+        ("GET", f"{capture_path(9)}/photo", 404),
+        ("GET", "/../../../../etc/passwd", 404),
+        ("GET", "/%2e%2e/%2e%2e/etc/passwd", 404),
+        ("GET", "/api/v1/nothing", 404),
+        ("PUT", SESSION, 405),
+    ],
+)
+def test_what_is_not_there(client: TestClient, method: str, path: str, status: int) -> None:
+    answer = client.request(method, path)
+    assert answer.status_code == status
+    assert set(answer.json()) == {"problem"}
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"null",
+        b"[]",
+        b"{}",
+        b'{"id": 3}',
+        b"\xff\xfe",
+        b'{"id":"abcdefgh","protocol":1,"name":"","source":"virtual"}',
+        b'{"id":"ABCDEFGH","protocol":1,"name":"x","source":"virtual"}',
+        b'{"id":"../../etc","protocol":1,"name":"x","source":"virtual"}',
+        b'{"id":"abcdefgh","protocol":9,"name":"x","source":"virtual"}',
+        b'{"id":"abcdefgh","protocol":1,"name":"x","source":"spy"}',
+        b'{"id":"abcdefgh","protocol":1,"name":"x","source":"virtual","admin":true}',
+        b"[" * 100_000,
+    ],
+)
+def test_wrong_json_begins_nothing(client: TestClient, tmp_path: Path, body: bytes) -> None:
+    answer = client.post("/api/v1/sessions", content=body)
+    assert 400 <= answer.status_code < 500
+    assert answer.json()["problem"]
+    assert len(list((tmp_path / "sessions").iterdir())) == 1
+
+
+def test_too_much_is_refused_while_it_comes(tmp_path: Path) -> None:
+    with client_of(tmp_path, max_upload_bytes=10_000) as client:
+        client.post("/api/v1/sessions", json=new_session())
+        assert client.post(capture_path(1), content=b"x" * 10_001).status_code == 413
+        endless = (b"x" * 1000 for _ in range(1000))
+        assert client.post(capture_path(1), content=endless).status_code == 413
+        assert client.get(SESSION).json()["captures"] == []
+        assert not list((tmp_path / "sessions").glob("*/images/*"))
+
+
+def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(OpenSession, "_write", full)
+        answer = client.post(capture_path(1), content=upload(1))
+    assert answer.status_code == 507
+    assert "phone holds the capture" in answer.json()["problem"]
+    assert client.get(SESSION).json()["captures"] == []
+    assert client.post(capture_path(1), content=upload(1)).status_code == 201
+
+
+def test_a_full_queue_asks_to_come_again(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from peaking.server.generation import GenerationQueue
+
+    with monkeypatch.context() as patch:
+        patch.setattr(GenerationQueue, "room", False)
+        answer = client.post(capture_path(1), content=upload(1))
+    assert (answer.status_code, answer.headers["retry-after"]) == (503, "2")
+    assert client.get(SESSION).json()["captures"] == []
+
+
+def test_what_breaks_inside_says_nothing_of_the_inside(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> None:
+        raise RuntimeError("secret path /home/someone")
+
+    monkeypatch.setattr(OpenSession, "store_capture", broken)
+    answer = client.post(capture_path(1), content=upload(1))
+    assert answer.status_code == 500
+    assert "secret" not in answer.text
+
+
+@pytest.mark.parametrize("operation", OPERATIONS, ids=lambda o: f"{o.method} {o.path}")
+@pytest.mark.parametrize("sent", [None, "Bearer wrong", "Bearer ", "Basic eDp5", "Bearer \xff"])
+def test_without_the_token_there_is_nothing(
+    client: TestClient, operation: Any, sent: str | None
+) -> None:
+    path = operation.path.replace("{session}", SESSION_ID).replace("{capture}", capture_id(1))
+    path = path.replace("{recording}", "desk").replace("{index}", "0")
+    client.headers.pop("authorization", None)
+    headers = {} if sent is None else {"Authorization": sent.encode("latin-1")}
+    answer = client.request(operation.method, path, headers=headers, content=b"{}")
+    assert answer.status_code == 401
+    assert answer.json() == {
+        "problem": "Pair this device first: open the link that the server printed."
+    }
+
+
+def test_a_browser_trades_the_token_for_a_cookie(client: TestClient) -> None:
+    answer = client.post("/api/v1/pair")
+    cookie = answer.headers["set-cookie"].lower()
+    assert answer.status_code == 204
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+    client.headers.pop("authorization")
+    assert client.get("/api/v1/sessions").status_code == 200
+    client.cookies.set("peaking_token", "wrong")
+    client.cookies.delete("peaking_token", domain="localhost.local", path="/")
+    assert client.get("/api/v1/sessions").status_code == 401
+
+
+def test_another_page_may_not_change_anything(client: TestClient) -> None:
+    evil = {"Origin": "https://evil.example"}
+    assert client.patch(SESSION, json={"name": "x"}, headers=evil).status_code == 403
+    own = {"Origin": "http://localhost"}
+    assert client.patch(SESSION, json={"name": "x"}, headers=own).status_code == 200
+
+
+def test_without_a_token_only_loopback_is_answered(tmp_path: Path) -> None:
+    with client_of(tmp_path, token=None) as client:
+        assert client.get("/api/v1/server").status_code == 200
+        for host in ("evil.example", "192.168.1.5", "localhost.evil.example", ""):
+            answer = client.get("/api/v1/server", headers={"Host": host})
+            assert answer.status_code == 403, host
+            assert client.get("/", headers={"Host": host}).status_code == 403
+
+
+def test_pages_need_no_token_and_carry_a_policy(client: TestClient) -> None:
+    client.headers.pop("authorization")
+    for path, name in (("/", "index"), ("/check", "check"), ("/sessions", "sessions")):
+        answer = client.get(path)
+        assert answer.text == f"<p>{name}</p>"
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+
+
+def test_only_the_built_client_is_served(client: TestClient, tmp_path: Path) -> None:
+    (tmp_path / "secret.txt").write_text("secret")
+    (tmp_path / "client" / "link.txt").symlink_to(tmp_path / "secret.txt")
+    for path in ("/../secret.txt", "/%2e%2e/secret.txt", "/link.txt", "/..%5csecret.txt"):
+        assert client.get(path).status_code == 404, path
+
+
+def test_the_token_is_in_no_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with caplog.at_level(logging.DEBUG), client_of(tmp_path) as client:
+        client.post("/api/v1/pair")
+        client.get("/api/v1/sessions/nothing-like-that")
+        client.post("/api/v1/sessions", content=b"{")
+    heard = capfd.readouterr()
+    # The test's own HTTP client may log what it sends; the server may not.
+    served = [
+        r.getMessage() for r in caplog.records if not r.name.startswith(("httpx", "httpcore"))
+    ]
+    assert not any(TOKEN in text for text in (*served, heard.out, heard.err))
+
+
+def test_without_a_built_client_it_is_said(tmp_path: Path) -> None:
+    config = ServerConfig(token=None, client_dir=tmp_path / "nothing")
+    app = create_app(store=SessionStore(tmp_path / "s"), config=config)
+    with TestClient(app, base_url="http://localhost") as client:
+        answer = client.get("/")
+    assert (answer.status_code, "make client" in answer.text) == (503, True)
+
+
+def test_news_begin_with_the_whole_state_and_go_on(tmp_path: Path) -> None:
+    import asyncio
+
+    from peaking.server.events import Hub
+
+    async def listen() -> list[bytes]:
+        hub = Hub()
+        summary = wire.SessionSummary(
+            "abcdefgh", "x", "f", "other", "", 0.0, False, 0, 0, None, False
+        )
+        state = wire.SessionState(wire.Session(summary, []))
+        stream = hub.stream("abcdefgh", lambda: state)
+        heard = [await anext(stream)]
+        assert hub.is_live("abcdefgh")
+        thread = threading.Thread(target=lambda: hub.send("abcdefgh", wire.SessionChanged(summary)))
+        thread.start()
+        heard.append(await asyncio.wait_for(anext(stream), 5))
+        hub.send("another-one", wire.SessionChanged(summary))
+        hub.close()
+        heard += [message async for message in stream]
+        assert not hub.is_live("abcdefgh")
+        return heard
+
+    first, second = asyncio.run(listen())
+    assert b'"type":"SessionState"' in first
+    assert b'"type":"SessionChanged"' in second
+
+
+def test_a_listener_that_is_too_slow_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    import asyncio
+
+    from peaking.server import events
+
+    monkeypatch.setattr(events, "WAITING", 3)
+
+    async def listen() -> int:
+        hub = events.Hub()
+        summary = wire.SessionSummary(
+            "abcdefgh", "x", "f", "other", "", 0.0, False, 0, 0, None, False
+        )
+        stream = hub.stream("abcdefgh", lambda: wire.SessionChanged(summary))
+        await anext(stream)
+        for _ in range(10):
+            hub.send("abcdefgh", wire.SessionChanged(summary))
+        await asyncio.sleep(0.05)
+        return len([message async for message in stream])
+
+    assert asyncio.run(listen()) <= 3

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from capture_uploads import body_of, depth_mm, header, photo, upload
+from peaking.server.upload import BadUpload, parse_upload
+
+
+def camera(**pinhole: Any) -> dict[str, Any]:
+    good = header()["camera"]
+    return {**good, "pinhole": good["pinhole"] | pinhole}
+
+
+def test_a_good_upload_comes_apart() -> None:
+    parsed = parse_upload(upload(3))
+    assert parsed.photo == photo(3)
+    assert parsed.depth_mm is not None
+    np.testing.assert_array_equal(parsed.depth_mm, depth_mm(3))
+    assert parsed.header.camera.world_from_cam[3] == pytest.approx(0.15)
+
+
+def test_depth_may_be_missing() -> None:
+    assert parse_upload(body_of(header(depth=None), photo())).depth_mm is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        (header(protocol=2), "version 1"),
+        (header(time_s=-1), "time_s"),
+        (header(photo_bytes=0), "photo_bytes"),
+        (header(photo_bytes=10_000_000), "cut off"),
+        (header(camera=None), "camera"),
+        (header(camera="front"), "camera"),
+        (header() | {"colour": "red"}, "colour"),
+        (header(depth={"width_px": 15, "height_px": 31}), "bytes of depth"),
+        (header(depth={"width_px": 32, "height_px": 15}), "aspect"),
+        (header(depth={"width_px": 0, "height_px": 0}), "width_px"),
+        (header(camera=camera(fx_px=0.0)), "fx_px"),
+        (header(camera=camera(fx_px=1e9)), "fx_px"),
+        (header(camera=camera(width_px=61)), "61x128"),
+        (header(camera=camera(cx_px=900.0)), "cx_px"),
+        (header(camera={**header()["camera"], "world_from_cam": [2.0] * 12}), "rotation"),
+        (header(camera={**header()["camera"], "world_from_cam": [0.0] * 11}), "length"),
+    ],
+)
+def test_what_is_wrong_is_said(fields: dict[str, Any], says: str) -> None:
+    with pytest.raises(BadUpload, match=says):
+        parse_upload(body_of(fields, photo() + depth_mm().tobytes()))
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
+def test_poses_that_are_no_numbers(number: str) -> None:
+    text = json.dumps(header()).replace("[1, 0, 0, 0.0,", f"[{number}, 0, 0, 0.0,").encode()
+    assert number.encode() in text
+    with pytest.raises(BadUpload):
+        parse_upload(struct.pack("<I", len(text)) + text + photo() + depth_mm().tobytes())
+
+
+def test_a_picture_that_claims_to_be_huge_is_not_decoded() -> None:
+    data = bytearray(photo())
+    at = data.index(b"\xff\xc0")
+    data[at + 5 : at + 9] = struct.pack(">HH", 60000, 60000)
+    huge = header(camera=camera(width_px=8192, height_px=8192), depth=None)
+    with pytest.raises(BadUpload, match="60000x60000"):
+        parse_upload(body_of(huge, bytes(data)))
+
+
+def test_a_png_is_no_jpeg() -> None:
+    fields = header(photo_bytes=8, depth=None)
+    with pytest.raises(BadUpload, match="not a JPEG"):
+        parse_upload(body_of(fields, b"\x89PNG\r\n\x1a\n"))
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_a_sentence(body: bytes) -> None:
+    with pytest.raises(BadUpload):
+        parse_upload(body)
+
+
+@given(st.integers(0, 20_000), st.binary(min_size=1, max_size=8))
+def test_any_damage_is_an_upload_or_a_sentence(at: int, damage: bytes) -> None:
+    good = upload()
+    body = bytearray(good)
+    at = at % len(good)
+    body[at : at + len(damage)] = damage
+    with contextlib.suppress(BadUpload):  # anything else is a fault
+        parse_upload(bytes(body))
