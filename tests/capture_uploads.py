@@ -34,7 +34,7 @@ def photo(number: int = 0) -> bytes:
 
 def depth_mm(number: int = 0) -> np.ndarray:
     """Return a wall with a box before it, and a hole."""
-    depth = np.full((DEPTH_HEIGHT, DEPTH_WIDTH), 2000 + number, "<u2")
+    depth = np.full((DEPTH_HEIGHT, DEPTH_WIDTH), 2000 + number % 1000, "<u2")
     depth[10:20, 4:10] = 1000
     depth[:2, :2] = 0
     return depth

@@ -364,7 +364,9 @@ _LASTING = {"Cache-Control": "private, max-age=31536000, immutable"}
 def _pages(client_dir: Path) -> list[BaseRoute]:
     if not (client_dir / "index.html").is_file():
 
-        async def missing(_: Request) -> Response:
+        async def missing(request: Request) -> Response:
+            if request.url.path.startswith("/api"):
+                raise HTTPException(404, "There is nothing at this address.")
             return Response(NO_CLIENT, 503, media_type="text/plain")
 
         return [Route("/{path:path}", missing)]

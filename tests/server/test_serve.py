@@ -1,0 +1,119 @@
+"""`peaking serve` and `peaking demo` as they are run."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import re
+import ssl
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from peaking.server.certificates import authority, lan_addresses, server_context
+
+PEAKING = "from peaking.cli import main; main()"
+
+
+def run(arguments: list[str], home: Path, until: str) -> tuple[subprocess.Popen[str], str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", PEAKING, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"XDG_CONFIG_HOME": str(home), "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    said = ""
+    for line in process.stdout:
+        said += line
+        if until in line:
+            break
+    return process, said
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    process.send_signal(2)
+    process.wait(30)
+    assert process.stdout is not None
+    process.stdout.close()
+
+
+def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
+    arguments = ["serve", str(tmp_path / "s"), "--port", "0", "--token", "a-token-to-test"]
+    process, said = run(arguments, tmp_path, "Ctrl-C")
+    try:
+        assert "▀" in said or "█" in said  # the code to scan
+        found = re.search(r"https://(\S+):(\d+)/#token=a-token-to-test", said)
+        assert found, said
+        trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking" / "peaking-ca.pem"))
+        connection = http.client.HTTPSConnection("localhost", int(found[2]), context=trusts)
+        connection.request("GET", "/api/v1/server")
+        refused = connection.getresponse()
+        assert (refused.status, b"protocol" in refused.read()) == (401, False)
+        headers = {"Authorization": "Bearer a-token-to-test"}
+        connection.request("GET", "/api/v1/server", headers=headers)
+        answer = connection.getresponse()
+        assert (answer.status, b'"protocol":1' in answer.read()) == (200, True)
+        connection.close()
+    finally:
+        end(process)
+
+
+def test_serve_for_a_phone_on_a_cable(tmp_path: Path) -> None:
+    process, said = run(["serve", str(tmp_path / "s"), "--adb", "--port", "0"], tmp_path, "Ctrl-C")
+    end(process)
+    port = re.search(r"http://localhost:(\d+)/#token=\S{20,}", said)
+    assert port
+    assert f"adb reverse tcp:{port[1]} tcp:{port[1]}" in said
+    assert not (tmp_path / "peaking").exists()
+
+
+def test_the_demo_refuses_to_be_seen_by_others(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PEAKING, "demo", "--no-open", "--host", "0.0.0.0"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "peaking serve" in done.stderr
+
+
+def test_a_taken_port_is_passed_over(tmp_path: Path) -> None:
+    one, said_one = run(["demo", "--no-open", "--port", "0"], tmp_path, "capture page")
+    port = re.search(r"localhost:(\d+)", said_one)
+    assert port
+    two, said_two = run(["demo", "--no-open", "--port", port[1]], tmp_path, "capture page")
+    end(one)
+    end(two)
+    other = re.search(r"localhost:(\d+)", said_two)
+    assert other
+    assert int(other[1]) > int(port[1])
+
+
+def test_the_authority_is_kept_and_its_key_is_private(tmp_path: Path) -> None:
+    first = authority(tmp_path).cert_pem.bytes()
+    assert authority(tmp_path).cert_pem.bytes() == first
+    key = tmp_path / "peaking-ca.key"
+    assert stat.S_IMODE(key.stat().st_mode) == 0o600
+    server_context(authority(tmp_path), ["localhost", "192.0.2.7"])
+
+
+def test_lan_addresses_are_no_loopback() -> None:
+    assert not any(a.startswith("127.") or a == "::1" for a in lan_addresses())
+
+
+@pytest.mark.parametrize("command", ["serve", "demo"])
+def test_help_has_examples(command: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PEAKING, command, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert f"peaking {command}" in done.stdout
