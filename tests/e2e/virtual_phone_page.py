@@ -57,6 +57,7 @@ class VirtualPhonePage:
     def shoot(self) -> str:
         """Press the shutter's key; return the new view's id when the phone holds the capture."""
         before = {view["id"] for view in self.views()}
+        self.wait_until_running()
         self.page.keyboard.press("Space")
         self.wait_for(lambda: len(self.views()) > len(before))
         return next(view["id"] for view in self.views() if view["id"] not in before)

@@ -58,6 +58,7 @@ def run(address: str) -> dict[str, object]:
             angle = 2 * np.pi * number / CAPTURES
             page.evaluate("p => window.peaking.phone.setPose(p)", _pose(angle))
             _frames(page, 4)
+            _until(page, "() => window.peaking.canShoot() === true")
             page.keyboard.press("Space")
             _until(page, f"() => ({_DRAWN}) > {number}")
         timeline = page.evaluate("window.peaking.timeline()")

@@ -261,7 +261,8 @@ class _Handlers:
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
         self._tell_capture(session, capture)
-        session.refresh_dataset()
+        if self.queue.idle:  # otherwise the next one does it
+            session.refresh_dataset()
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))

@@ -28,11 +28,15 @@ def depth_name(number: int) -> str:
     return f"depth/{number:06d}.png"
 
 
-def transforms_json(captures: Iterable[tuple[wire.Capture, bool]]) -> bytes:
-    """Return nerfstudio's transforms.json of captures, each with whether it has depth."""
-    frames = [_frame(capture, has_depth) for capture, has_depth in captures]
-    document = {"camera_model": "OPENCV", "depth_unit_scale_factor": 0.001, "frames": frames}
-    return (json.dumps(document, indent=1) + "\n").encode()
+def transforms_json(frames: Iterable[str]) -> bytes:
+    """Return nerfstudio's transforms.json of frames as `frame_json` gives them."""
+    top = '{\n "camera_model": "OPENCV",\n "depth_unit_scale_factor": 0.001,\n "frames": [\n'
+    return (top + ",\n".join(frames) + "\n ]\n}\n").encode()
+
+
+def frame_json(capture: wire.Capture, *, has_depth: bool) -> str:
+    """Return a capture as an entry of transforms.json; it never changes."""
+    return json.dumps(_frame(capture, has_depth))
 
 
 def _frame(capture: wire.Capture, has_depth: bool) -> dict[str, object]:

@@ -59,6 +59,11 @@ class GenerationQueue:
         return self._waiting.qsize() < self._capacity
 
     @property
+    def idle(self) -> bool:
+        """Whether nothing waits."""
+        return self._waiting.empty()
+
+    @property
     def warm(self) -> bool:
         """Whether all kernels are compiled."""
         return self._warm.is_set()

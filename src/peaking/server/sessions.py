@@ -22,7 +22,7 @@ from peaking.errors import PeakingError, RecordingError
 from peaking.frame import Frame
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
-from peaking.server.dataset import depth_name, photo_name, transforms_json
+from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
 from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
 
@@ -58,6 +58,7 @@ class OpenSession:
         self._log = SessionLog(folder / session_log.FILE_NAME)
         self._captures: dict[str, wire.Capture] = {}
         self._with_depth: set[str] = set()
+        self._entries: dict[str, str] = {}
         self._number = 0
         self._finished = False
         events = self._log.read()
@@ -326,11 +327,12 @@ class OpenSession:
         return self.folder / "removed" / name if capture.removed else self.folder / name
 
     def _transforms(self) -> bytes:
-        return transforms_json(
-            (capture, capture.id in self._with_depth)
-            for capture in self._captures.values()
-            if not capture.removed
-        )
+        kept = [c for c in self._captures.values() if not c.removed]
+        for capture in kept:
+            if capture.id not in self._entries:
+                has_depth = capture.id in self._with_depth
+                self._entries[capture.id] = frame_json(capture, has_depth=has_depth)
+        return transforms_json(self._entries[capture.id] for capture in kept)
 
     def _write(self, name: str, data: bytes) -> None:
         """Write a file so that it is on the disk under its name; what stood there is replaced."""

@@ -1,0 +1,211 @@
+"""The client renders, compares and chooses as Python does; in a real browser, with real shaders."""
+
+from __future__ import annotations
+
+import base64
+import re
+import subprocess
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from live_server import chromium
+from peaking.datasets.nerfstudio import open_recording
+from peaking.error_map import Comparison, compare
+from peaking.geometry import Camera, Rigid
+from peaking.mpi_file import encode
+from peaking.nearest import Neighbour, nearest_by_distance, nearest_by_overlap
+from peaking.pipeline import LocalLightField
+from peaking.presets import PRESETS, Options
+from peaking.render import render
+from peaking.render.blend import blend
+from peaking.server.recordings import wire_of_camera
+
+ROOT = Path(__file__).parents[2]
+SIZE = (102, 222)
+PIXELS = SIZE[0] * SIZE[1]
+
+# Measured with SwiftShader, November 2026: mean 0.28/255, no pixel off by more than 8/255, 0.06 % of
+# the mask's pixels differ (paper), 0.01 % (default).
+VIEW_MEAN = 0.5 / 255
+"""Mean difference of the view's RGBA; 8-bit targets round at every layer."""
+VIEW_LARGE = 8.0 / 255
+"""A larger difference than this counts as a wrong pixel."""
+VIEW_WRONG = 0.0005
+"""Share of the wrong pixels."""
+PEAKED_WRONG = 0.002
+"""Share of pixels on which the two do not agree whether they are peaked."""
+
+
+@pytest.fixture(scope="module")
+def page() -> Generator[Page, None, None]:
+    command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
+    vite = subprocess.Popen(
+        command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert vite.stdout is not None
+    try:
+        said = ""
+        address = None
+        while address is None:
+            line = vite.stdout.readline()
+            assert line, f"vite did not start: {said}"
+            said += line
+            plain = re.sub(r"\x1b\[[0-9;]*m", "", line)
+            address = re.search(r"http://127\.0\.0\.1:\d+", plain)
+        with chromium() as browser:
+            page = browser.new_page()
+            page.goto(f"{address.group()}/tests/pages/agreement.html")
+            page.wait_for_function("window.renderFixture !== undefined")
+            yield page
+    finally:
+        vite.terminate()
+        vite.wait(10)
+        vite.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def scene() -> tuple[LocalLightField, Any]:
+    """Three views of the desk, and a frame between them."""
+    recording = open_recording(ROOT / "scenes" / "desk")
+    field = LocalLightField(replace(PRESETS["default"], pixels=PIXELS))
+    for index in (0, 8, 20):
+        field.add_view(recording.read(index))
+    return field, field.prepare(recording.read(12))
+
+
+def wire(camera: Camera) -> dict[str, Any]:
+    return msgspec.to_builtins(wire_of_camera(camera))
+
+
+def base64_of(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+def in_the_browser(
+    page: Page, field: LocalLightField, live: Any, options: Options, overlay: str
+) -> dict[str, Any]:
+    alpha = np.full((*live.rgb.shape[:2], 1), 255, np.uint8)
+    rgba = np.concatenate([live.rgb, alpha], axis=-1)[::-1]
+    wanted = [
+        "pixels",
+        "num_planes",
+        "neighbours",
+        "weights",
+        "opacity",
+        "error_threshold",
+        "shift_px",
+        "compensate_exposure",
+    ]
+    answer = page.evaluate(
+        "fixture => renderFixture(fixture)",
+        {
+            "mpis": [
+                {"camera": wire(mpi.camera), "file": base64_of(encode(mpi, codec="lossless"))}
+                for mpi in field.views
+            ],
+            "camera": wire(live.camera),
+            "live": base64_of(np.ascontiguousarray(rgba).tobytes()),
+            "options": {name: getattr(options, name) for name in wanted},
+            "look": {
+                "overlay": overlay,
+                "threshold": options.error_threshold,
+                "peakOpacity": 1,
+                "pattern": False,
+            },
+        },
+    )
+    height, width = live.rgb.shape[:2]
+    for name in ("view", "result", "display"):
+        pixels = np.frombuffer(base64.b64decode(answer[name]), np.uint8)
+        answer[name] = pixels.reshape(height, width, 4)[::-1] / 255.0
+    return answer
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_view_and_peaks_agree(page: Page, scene: tuple[LocalLightField, Any], preset: Any) -> None:
+    field, live = scene
+    options = replace(PRESETS[preset], pixels=PIXELS)
+    answer = in_the_browser(page, field, live, options, "peaks")
+    cameras = [mpi.camera for mpi in field.views]
+    if options.weights == "paper":
+        near = nearest_by_distance(cameras, live.camera, count=options.neighbours)
+    else:
+        closest = nearest_by_distance(cameras, live.camera, count=1)[0].index
+        depth_m = float(np.median(field.views[closest].plane_depths_m))
+        near = nearest_by_overlap(cameras, live.camera, depth_m, count=options.neighbours)
+    renderings = [render(field.views[n.index], live.camera, backend="numpy") for n in near]
+    view = blend(
+        np.stack([r.rgba for r in renderings]),
+        np.stack([r.depth_m for r in renderings]),
+        [n.weight for n in near],
+        opacity=options.opacity,
+        backend="numpy",
+    )
+    comparison = Comparison(options.error_threshold, options.shift_px, options.compensate_exposure)
+    errors = compare(view, live.rgb, comparison, backend="numpy")
+
+    assert answer["gl_error"] == 0
+    assert answer["viewIds"] == [str(n.index) for n in near]
+    difference = np.abs(answer["view"] - view.rgba)
+    assert difference.mean() < VIEW_MEAN
+    assert (difference.max(axis=-1) > VIEW_LARGE).mean() < VIEW_WRONG
+    peaked = answer["result"][..., 0] > 0.5
+    assert (peaked != errors.peaked).mean() < PEAKED_WRONG
+    assert 0.005 < errors.peaked_share < 0.9  # there is something to agree on
+    assert answer["peakedShare"] == pytest.approx(peaked.mean(), abs=1e-9)
+    assert answer["missingShare"] == pytest.approx(errors.missing_share, abs=0.01)
+    red = (answer["display"][..., :3] == [1, 0, 0]).all(axis=-1)
+    assert red[peaked].mean() > 0.8  # red ends softly, half a pixel around
+    assert red[~peaked].mean() < 0.02
+
+
+def test_the_three_overlays_show_what_they_should(
+    page: Page, scene: tuple[LocalLightField, Any]
+) -> None:
+    field, live = scene
+    options = replace(PRESETS["default"], pixels=PIXELS)
+    mpi = in_the_browser(page, field, live, options, "mpi")
+    np.testing.assert_allclose(mpi["display"][..., :3], mpi["view"][..., :3], atol=1.5 / 255)
+    video = in_the_browser(page, field, live, options, "video")
+    calm = video["result"][..., 0] < 0.5
+    far_from_red = np.ones_like(calm)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            far_from_red &= np.roll(calm, (dy, dx), (0, 1))
+    shown = video["display"][..., :3][far_from_red]
+    np.testing.assert_allclose(shown, (live.rgb / 255.0)[far_from_red], atol=1.5 / 255)
+
+
+def test_neighbours_agree(page: Page, scene: tuple[LocalLightField, Any]) -> None:
+    random = np.random.default_rng(5)
+    _, live = scene
+
+    def somewhere() -> Camera:
+        axis, angle = random.normal(size=3), random.uniform(0, 1.5)
+        x, y, z = axis / np.linalg.norm(axis)
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+        return Camera(live.camera.pinhole, Rigid(rotation, random.uniform(-1, 1, 3)))
+
+    for count in (1, 3, 4):
+        cameras, target = [somewhere() for _ in range(90)], somewhere()
+        for depth_m in (None, 1.3):
+            ours: tuple[Neighbour, ...] = (
+                nearest_by_distance(cameras, target, count=count)
+                if depth_m is None
+                else nearest_by_overlap(cameras, target, depth_m, count=count)
+            )
+            theirs = page.evaluate(
+                "([cameras, target, depth, count]) => nearest(cameras, target, depth, count)",
+                [[wire(c) for c in cameras], wire(target), depth_m, count],
+            )
+            assert [n["index"] for n in theirs] == [n.index for n in ours]
+            for one, other in zip(theirs, ours, strict=True):
+                assert one["weight"] == pytest.approx(other.weight, rel=1e-9)

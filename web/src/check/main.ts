@@ -1,0 +1,99 @@
+/** The self-test page: /check. */
+
+import { Api } from '../server/api';
+import { webXrSource } from '../sources/webxr';
+import { make } from '../ui/dom';
+import { findingsOf, reportOf, verdictOf, type Facts } from './findings';
+
+const SIGNS = { good: '✓', warn: '!', bad: '✕' } as const;
+/** How long the camera is tried. */
+const TRIAL_MS = 6000;
+
+async function probe(): Promise<Facts> {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  const api = new Api();
+  await api.pairFromHash().catch(() => false);
+  const binding = (globalThis as { XRWebGLBinding?: { prototype: object } }).XRWebGLBinding;
+  return {
+    secure: globalThis.isSecureContext,
+    webXr: navigator.xr !== undefined,
+    immersiveAr: (await navigator.xr?.isSessionSupported('immersive-ar').catch(() => false)) ?? false,
+    cameraAccess: binding !== undefined && 'getCameraImage' in binding.prototype,
+    depthSensing: 'XRDepthInformation' in globalThis || 'XRCPUDepthInformation' in globalThis,
+    webGl2: gl !== null,
+    maxTextureSize: gl === null ? 0 : Number(gl.getParameter(gl.MAX_TEXTURE_SIZE)),
+    workers: 'Worker' in globalThis && 'OffscreenCanvas' in globalThis,
+    storage: await canStore(),
+    server: await api.server().then(() => true, () => false),
+    userAgent: navigator.userAgent,
+  };
+}
+
+function canStore(): Promise<boolean> {
+  return new Promise((resolve) => {
+    try {
+      const request = indexedDB.open('peaking-check', 1);
+      request.onsuccess = () => {
+        request.result.close();
+        indexedDB.deleteDatabase('peaking-check');
+        resolve(true);
+      };
+      request.onerror = () => resolve(false);
+    } catch {
+      resolve(false);
+    }
+  });
+}
+
+/** Run the real camera for some seconds, and say what it gave. */
+async function tryCamera(out: HTMLElement): Promise<void> {
+  const canvas = make('canvas');
+  const gl = canvas.getContext('webgl2', { xrCompatible: true });
+  if (gl === null) return;
+  const stop = new AbortController();
+  let frames = 0;
+  let withDepth = 0;
+  let tracked = 0;
+  let picture = 'none';
+  let depth = 'none';
+  setTimeout(() => stop.abort(), TRIAL_MS);
+  try {
+    await webXrSource({ overlay: null }).run(gl, (frame) => {
+      frames += 1;
+      if (frame.camera === null) return;
+      tracked += 1;
+      picture = `${frame.camera.pinhole.width_px} × ${frame.camera.pinhole.height_px}`;
+      const map = frame.depth();
+      if (map === null) return;
+      withDepth += 1;
+      depth = `${map.width_px} × ${map.height_px}`;
+    }, stop.signal);
+    out.textContent = `${frames} frames in ${TRIAL_MS / 1000} s, ${tracked} of them tracked; camera `
+      + `picture ${picture}; depth in ${withDepth} frames, ${depth}.`;
+  } catch (error) {
+    out.textContent = error instanceof Error ? error.message : String(error);
+  }
+}
+
+async function main(): Promise<void> {
+  const facts = await probe();
+  const verdict = verdictOf(facts);
+  const trial = make('p', { className: 'quiet' });
+  const copy = make('button', { type: 'button' }, 'Copy as text');
+  copy.onclick = () => void navigator.clipboard.writeText(reportOf(facts));
+  const camera = make('button', { type: 'button' }, 'Try the camera');
+  camera.onclick = () => void tryCamera(trial);
+  camera.hidden = !facts.immersiveAr;
+  document.getElementById('check')?.replaceChildren(
+    make('div', { className: `verdict ${verdict.grade}` }, verdict.title,
+      make('small', {}, verdict.text)),
+    ...findingsOf(facts).map(({ grade, title, text }) =>
+      make('div', { className: `finding ${grade}` }, make('i', {}, SIGNS[grade]),
+        make('b', {}, title), make('p', {}, text))),
+    make('p', {}, camera, ' ', copy, ' ',
+      make('a', { className: 'button', href: './?source=virtual' }, 'Virtual phone')),
+    trial,
+  );
+}
+
+void main();
