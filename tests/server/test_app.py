@@ -227,7 +227,7 @@ def test_without_the_token_there_is_nothing(
     path = operation.path.replace("{session}", SESSION_ID).replace("{capture}", capture_id(1))
     path = path.replace("{recording}", "desk").replace("{index}", "0")
     client.headers.pop("authorization", None)
-    headers = {} if sent is None else {"Authorization": sent.encode("latin-1")}
+    headers: dict[bytes, bytes] = {} if sent is None else {b"Authorization": sent.encode("latin-1")}
     answer = client.request(operation.method, path, headers=headers, content=b"{}")
     assert answer.status_code == 401
     assert answer.json() == {

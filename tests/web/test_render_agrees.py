@@ -31,8 +31,8 @@ ROOT = Path(__file__).parents[2]
 SIZE = (102, 222)
 PIXELS = SIZE[0] * SIZE[1]
 
-# Measured with SwiftShader, November 2026: mean 0.28/255, no pixel off by more than 8/255, 0.06 % of
-# the mask's pixels differ (paper), 0.01 % (default).
+# Measured with SwiftShader, November 2026: mean 0.28/255, no pixel off by more than 8/255;
+# of the mask's pixels 0.06 % differ (paper) and 0.01 % (default).
 VIEW_MEAN = 0.5 / 255
 """Mean difference of the view's RGBA; 8-bit targets round at every layer."""
 VIEW_LARGE = 8.0 / 255

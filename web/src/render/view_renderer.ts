@@ -111,6 +111,7 @@ export class ViewRenderer implements Disposable {
     gl.disable(gl.CULL_FACE);
     gl.disable(gl.BLEND);
     const targets = this.#targetsFor(camera);
+    this.#takeReadBacks(targets);
     const near = this.#neighbours(store, camera);
     if (near.length === 0) {
       this.#shares = null;
@@ -263,7 +264,8 @@ export class ViewRenderer implements Disposable {
     this.#cover();
   }
 
-  #count(targets: Targets): void {
+  /** To be called before anything else is asked of the card: copying waits for what it has to do. */
+  #takeReadBacks(targets: Targets): void {
     const counted = targets.countsBack.take();
     if (counted !== null) {
       let peaked = 0;
@@ -275,6 +277,11 @@ export class ViewRenderer implements Disposable {
       const all = targets.result.width * targets.result.height;
       this.#shares = { peaked: peaked / all, missing: missing / all };
     }
+    const samples = targets.gridBack.take();
+    if (samples !== null) this.#gain.set(exposureGain(samples));
+  }
+
+  #count(targets: Targets): void {
     if (targets.countsBack.pending) return;
     const gl = this.#gl;
     const { count } = this.#programs;
@@ -290,8 +297,6 @@ export class ViewRenderer implements Disposable {
   /** The gain that is used lags by the frames that reading back takes. */
   #measureExposure(targets: Targets): void {
     if (!this.#options.compensate_exposure) return;
-    const samples = targets.gridBack.take();
-    if (samples !== null) this.#gain.set(exposureGain(samples));
     if (targets.gridBack.pending || this.#frame % GAIN_EVERY_FRAMES !== 0) return;
     const gl = this.#gl;
     const { grid } = this.#programs;

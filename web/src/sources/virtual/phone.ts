@@ -8,7 +8,7 @@
 
 import { Euler, PerspectiveCamera, WebGLRenderer } from 'three';
 import { XRDevice, type XRDeviceConfig } from 'iwer';
-import type { FrameSource } from '../frame_source';
+import type { FrameSource, LiveFrame } from '../frame_source';
 import type { RawDepth } from '../depth';
 import { webXrSource } from '../webxr';
 import { ArcoreDepth } from './arcore_depth';
@@ -103,13 +103,44 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
         const stop = new AbortController();
         signal.addEventListener('abort', () => stop.abort());
         controls.attach(options.stage, stop.signal);
-        return source.run(gl, onFrame, signal).finally(() => stop.abort());
+        const pace = new Pace(gl);
+        const paced = (frame: LiveFrame): void => {
+          if (!pace.mayDraw()) return;
+          onFrame(frame);
+          pace.drawn();
+        };
+        return source.run(gl, paced, signal).finally(() => stop.abort());
       },
     },
     pose,
     setPose: (worldFromCam) => setPose(pose, worldFromCam),
     setTracked: (tracked) => { phone.tracked = tracked; },
   };
+}
+
+/**
+ * Leaves a frame out while the card still works on the one before. Phones' own frame loops wait for
+ * the card; a page's does not, and without a graphics card everything else would wait in its queue.
+ */
+class Pace {
+  #fence: WebGLSync | null = null;
+
+  constructor(private readonly gl: WebGL2RenderingContext) {}
+
+  mayDraw(): boolean {
+    if (this.#fence === null) return true;
+    const { gl } = this;
+    const status = gl.clientWaitSync(this.#fence, 0, 0);
+    if (status === gl.TIMEOUT_EXPIRED) return false;
+    gl.deleteSync(this.#fence);
+    this.#fence = null;
+    return true;
+  }
+
+  drawn(): void {
+    this.#fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.gl.flush();
+  }
 }
 
 /** The camera of the phone: draws the room for a pose. */
@@ -120,6 +151,7 @@ class DrawnCamera {
     FOV_Y_DEG, PICTURE.width_px / PICTURE.height_px, 0.05, 20);
   readonly #euler = new Euler(0, 0, 0, 'YXZ');
   readonly #depth: ArcoreDepth;
+  #drawnAt = '';
 
   constructor(exactDepth: boolean) {
     this.#renderer.setPixelRatio(1);
@@ -138,9 +170,16 @@ class DrawnCamera {
     return this.#camera.quaternion;
   }
 
+  /** Goes up when the picture is drawn anew, which it only is when the phone has moved. */
+  drawn = 0;
+
   draw(): void {
-    this.#renderer.render(this.#room.scene, this.#camera);
     this.#depth.tick();
+    const here = [...this.#camera.position.toArray(), ...this.#camera.quaternion.toArray()].join();
+    if (here === this.#drawnAt) return;
+    this.#drawnAt = here;
+    this.drawn += 1;
+    this.#renderer.render(this.#room.scene, this.#camera);
   }
 
   depth(): RawDepth | null {
@@ -175,12 +214,15 @@ function behaveLikeAPhone(camera: DrawnCamera, phone: { tracked: boolean }): voi
   };
   patched.XRWebGLBinding = class {
     #texture: WebGLTexture | null = null;
+    #drawn = -1;
 
     constructor(_session: XRSession, private readonly gl: WebGL2RenderingContext) {}
 
     getCameraImage(): WebGLTexture {
       const { gl } = this;
       this.#texture ??= gl.createTexture();
+      if (this.#drawn === camera.drawn) return this.#texture;
+      this.#drawn = camera.drawn;
       gl.activeTexture(gl.TEXTURE0);
       gl.bindTexture(gl.TEXTURE_2D, this.#texture);
       gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true); // bottom row first, as phones give it
