@@ -82,6 +82,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const hud = new Hud(overlay, {
     shoot: () => live.shoot(() => { problem = null; hud.confirm(); }),
     undo: (id) => void session.undo(id),
+    undoLast: () => {
+      const last = session.views.at(-1);
+      if (last !== undefined) void session.undo(last.id);
+    },
     retry: (id) => void session.retry(id),
     setLook: (look) => { live.look = look; },
     finish: (name) => void session.finish(name),

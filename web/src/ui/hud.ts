@@ -11,6 +11,8 @@ import { finishSheet, settingsSheet, viewsSheet, type Sheet } from './sheets';
 export interface HudActions {
   shoot(): void;
   undo(id: string): void;
+  /** The last one that is there now, which may be ahead of what is shown. */
+  undoLast(): void;
   retry(id: string): void;
   setLook(look: Look): void;
   finish(name: string): void;
@@ -230,10 +232,9 @@ export class Hud {
     if (event.key === 'Escape') this.#close();
     if (typing || event.repeat || event.altKey || event.metaKey) return;
     if (event.ctrlKey && event.key !== 'z') return;
-    const last = this.#state?.views.at(-1);
     switch (event.key) {
       case ' ': case 'AudioVolumeUp': case 'VolumeUp': this.#shoot(); break;
-      case 'z': case 'Z': if (last !== undefined) this.#actions.undo(last.id); break;
+      case 'z': case 'Z': this.#actions.undoLast(); break;
       case '1': case '2': case '3':
         this.#setOverlay(OVERLAYS[Number(event.key) - 1]?.[0] ?? 'peaks');
         break;

@@ -103,6 +103,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
         const stop = new AbortController();
         signal.addEventListener('abort', () => stop.abort());
         controls.attach(options.stage, stop.signal);
+        keepIwerFromWaiting(gl);
         const pace = new Pace(gl);
         const paced = (frame: LiveFrame): void => {
           if (!pace.mayDraw()) return;
@@ -115,6 +116,23 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
     pose,
     setPose: (worldFromCam) => setPose(pose, worldFromCam),
     setTracked: (tracked) => { phone.tracked = tracked; },
+  };
+}
+
+/**
+ * At every frame IWER asks the context for its clear values, which waits until the card has done
+ * all it was told to, and clears the picture, which would flicker where a frame is left out.
+ */
+function keepIwerFromWaiting(gl: WebGL2RenderingContext): void {
+  const getParameter = gl.getParameter.bind(gl) as (name: GLenum) => unknown;
+  const known = new Map<GLenum, unknown>([
+    [gl.COLOR_CLEAR_VALUE, new Float32Array(4)], [gl.DEPTH_CLEAR_VALUE, 1],
+    [gl.STENCIL_CLEAR_VALUE, 0],
+  ]);
+  gl.getParameter = (name: GLenum) => (known.has(name) ? known.get(name) : getParameter(name));
+  const clear = gl.clear.bind(gl);
+  gl.clear = (mask: GLbitfield) => {
+    if ((mask & gl.STENCIL_BUFFER_BIT) === 0) clear(mask); // only IWER clears a stencil buffer
   };
 }
 
