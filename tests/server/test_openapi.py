@@ -70,7 +70,7 @@ schema = schemathesis.openapi.from_dict(document())
     max_examples=25,
     derandomize=True,
     deadline=None,
-    suppress_health_check=tuple(HealthCheck.__members__.values()),
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 def test_whatever_is_sent_the_server_stands(case: schemathesis.Case[Any], app: Any) -> None:
     # Half of the time it finds the session that is there.

@@ -55,7 +55,11 @@ export class LiveView implements Disposable {
     readonly onProblem: (problem: string) => void,
   ) {
     this.#renderer = new ViewRenderer(gl, options);
-    this.store = new MpiStore(gl, { decoder: this.#decoder, maxResident: MAX_RESIDENT });
+    this.store = new MpiStore(gl, {
+      decoder: this.#decoder,
+      maxResident: MAX_RESIDENT,
+      onProblem: (_, error) => onProblem(`A view cannot be shown: ${String(error)}`),
+    });
     this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
     this.#photos = new PhotoReader(gl);
     session.subscribe(() => this.#follow(session.views));

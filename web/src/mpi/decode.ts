@@ -1,6 +1,7 @@
 /** From the bytes of an `.mpi` file to texels; runs in a worker. */
 
 import type { Pinhole } from '../wire';
+import { baselineSize_px } from './jpeg';
 import { MpiFileError, parseMpi, TILE_PX, type ParsedMpi } from './mpi_file';
 
 /** Tiles beside each other in the texture: 2048 texels, which every WebGL2 device has. */
@@ -27,7 +28,9 @@ export async function decodeMpi(bytes: ArrayBuffer): Promise<DecodedMpi> {
   const mpi = parseMpi(bytes);
   const textureRows = Math.max(Math.ceil(mpi.numTiles / TEXTURE_COLS), 1);
   const texels = new Uint8Array(TEXTURE_COLS * TILE_PX * textureRows * TILE_PX * 4);
-  if (mpi.numTiles > 0) {
+  if (mpi.numTiles === 0) {
+    if (mpi.payload.length > 0) throw new MpiFileError('need no texels for no tiles');
+  } else {
     await (mpi.codec === 'jpeg' ? fromJpeg(mpi, texels) : fromLossless(mpi, texels));
   }
   return {
@@ -45,8 +48,8 @@ async function fromJpeg(mpi: ParsedMpi, texels: Uint8Array): Promise<void> {
   const { atlasCols, numTiles } = mpi;
   const width = TILE_PX * atlasCols;
   const half = TILE_PX * Math.ceil(numTiles / atlasCols);
-  const size = jpegSize(mpi.payload);
-  if (size?.width !== width || size.height !== 2 * half) {
+  const size = baselineSize_px(mpi.payload);
+  if (size.width !== width || size.height !== 2 * half) {
     throw new MpiFileError('the picture of the tiles has not the size that the header says');
   }
   let picture: ImageBitmap;
@@ -109,7 +112,10 @@ async function fromLossless(mpi: ParsedMpi, texels: Uint8Array): Promise<void> {
     for (;;) {
       const { done, value } = await reader.read();
       if (done) break;
-      if (size + value.length > expected) throw new MpiFileError('more texels than tiles');
+      if (size + value.length > expected) {
+        void reader.cancel().catch(() => undefined);
+        throw new MpiFileError('more texels than tiles');
+      }
       planar.set(value, size);
       size += value.length;
     }
@@ -140,20 +146,4 @@ function texelOf(tile: number): number {
   const x = TILE_PX * (tile % TEXTURE_COLS);
   const y = TILE_PX * Math.floor(tile / TEXTURE_COLS);
   return 4 * (y * TEXTURE_COLS * TILE_PX + x);
-}
-
-/** Size of a baseline JPEG from its own header; null when it is another kind. */
-function jpegSize(bytes: Uint8Array): { width: number; height: number } | null {
-  const at = (i: number): number => bytes[i] ?? 0;
-  if (at(0) !== 0xff || at(1) !== 0xd8) return null;
-  for (let i = 2; i + 9 < bytes.length && at(i) === 0xff;) {
-    const marker = at(i + 1);
-    if (marker === 0xc0) {
-      return { height: (at(i + 5) << 8) | at(i + 6), width: (at(i + 7) << 8) | at(i + 8) };
-    }
-    // Progressive and other kinds can cost a decoder far more than their size.
-    if (marker > 0xc0 && marker < 0xd0 && ![0xc4, 0xc8, 0xcc].includes(marker)) return null;
-    i += 2 + ((at(i + 2) << 8) | at(i + 3));
-  }
-  return null;
 }

@@ -21,6 +21,10 @@ export interface ParsedMpi {
 
 export const CELL_PX = 15;
 export const TILE_PX = 16;
+const MAX_FILE_BYTES = 256 * 2 ** 20;
+const MAX_HEADER_BYTES = 2 ** 20;
+/** How far RᵀR may be from the identity; `RIGID_TOLERANCE` of src/peaking/geometry.py. */
+const RIGID_TOLERANCE = 1e-3;
 const MAGIC = [0x50, 0x4b, 0x4d, 0x50, 0x49, 0x01, 0x0d, 0x0a];
 
 export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
@@ -28,7 +32,13 @@ export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
   if (all.length < 16 || MAGIC.some((byte, i) => all[i] !== byte)) {
     throw new MpiFileError('not an .mpi file of version 1');
   }
+  if (all.length > MAX_FILE_BYTES) {
+    throw new MpiFileError(`need at most ${MAX_FILE_BYTES} bytes, got ${all.length}`);
+  }
   const view = new DataView(bytes);
+  if (view.getUint32(8, true) > MAX_HEADER_BYTES) {
+    throw new MpiFileError(`need a header of at most ${MAX_HEADER_BYTES} bytes`);
+  }
   const payloadAt = 16 + view.getUint32(8, true);
   if (payloadAt > all.length) throw new MpiFileError('the header is cut off');
   if (crc32(all.subarray(16)) !== view.getUint32(12, true)) {
@@ -74,6 +84,7 @@ interface Header {
   readonly cy_px: number;
   readonly world_from_cam: readonly (readonly number[])[];
   readonly plane_depths_m: readonly number[];
+  readonly generator: string;
   readonly codec: 'jpeg' | 'lossless';
   readonly num_tiles: number;
   readonly atlas_cols: number;
@@ -87,6 +98,9 @@ function readHeader(text: Uint8Array): Header {
     header = JSON.parse(new TextDecoder('utf-8', { fatal: true }).decode(text)) as Header;
   } catch {
     throw new MpiFileError('the header is not JSON');
+  }
+  if (typeof header !== 'object' || header === null || Array.isArray(header)) {
+    throw new MpiFileError('the header is no JSON object');
   }
   const whole = (name: keyof Header, low: number, high: number): void => {
     const value = header[name];
@@ -110,22 +124,45 @@ function readHeader(text: Uint8Array): Header {
     || header.fx_px <= 0 || header.fy_px <= 0) {
     throw new MpiFileError('the intrinsics are not those of a camera');
   }
-  const pose = header.world_from_cam;
-  if (!Array.isArray(pose) || pose.flat().length !== 12 || !finite(pose.flat())) {
+  const pose: unknown = header.world_from_cam;
+  if (!Array.isArray(pose) || pose.length !== 3
+    || !pose.every((row) => Array.isArray(row) && row.length === 4 && finite(row))) {
     throw new MpiFileError('world_from_cam must be 3 rows of 4 numbers');
   }
+  if (!isRotation(header.world_from_cam)) {
+    throw new MpiFileError('world_from_cam must begin with a rotation');
+  }
+  if (typeof header.generator !== 'string') throw new MpiFileError('need text as generator');
   if (header.codec !== 'jpeg' && header.codec !== 'lossless') {
     throw new MpiFileError(`codec is ${String(header.codec)}, need jpeg or lossless`);
   }
   return header;
 }
 
+/** Whether the first three columns are orthonormal and keep their handedness. */
+function isRotation(rows: readonly (readonly number[])[]): boolean {
+  const column = (c: number): number[] => rows.map((row) => row[c] ?? NaN);
+  const [x, y, z] = [column(0), column(1), column(2)];
+  const dot = (a: readonly number[], b: readonly number[]): number =>
+    a.reduce((sum, value, i) => sum + value * (b[i] ?? NaN), 0);
+  const away = [dot(x, x) - 1, dot(y, y) - 1, dot(z, z) - 1, dot(x, y), dot(y, z), dot(z, x)];
+  const [a = NaN, b = NaN, c = NaN] = x;
+  const [d = NaN, e = NaN, f = NaN] = y;
+  const across = [b * f - c * e, c * d - a * f, a * e - b * d];
+  return away.every((value) => Math.abs(value) <= RIGID_TOLERANCE) && dot(across, z) > 0;
+}
+
 function placesOf(
   occupancy: Uint8Array, planes: number, rows: number, cols: number, numTiles: number,
 ): Uint16Array<ArrayBuffer> {
   const places = new Uint16Array(3 * numTiles);
+  const numPlaces = planes * rows * cols;
+  const spare = 8 * occupancy.length - numPlaces;
+  if (((occupancy.at(-1) ?? 0) & ((1 << spare) - 1)) !== 0) {
+    throw new MpiFileError('bits are set after the last place');
+  }
   let tile = 0;
-  for (let place = 0; place < planes * rows * cols; place += 1) {
+  for (let place = 0; place < numPlaces; place += 1) {
     const byte = occupancy[place >> 3] ?? 0;
     if (byte === 0) {
       place |= 7; // nothing in these eight

@@ -18,7 +18,7 @@ export interface MpiStoreOptions {
   readonly decoder: Decoder;
   /** MPIs on the graphics card at the same time. */
   readonly maxResident: number;
-  /** Hears of an MPI that cannot be fetched or decoded; it is tried again when it is wanted again. */
+  /** Hears of an MPI that cannot be fetched or decoded; it is tried again, ever more rarely. */
   readonly onProblem?: (id: string, error: unknown) => void;
 }
 
@@ -40,7 +40,16 @@ interface Entry {
   gpu: (GpuMpi & { readonly buffer: WebGLBuffer }) | null;
   loading: boolean;
   lastWanted: number;
+  /** Of `performance.now()`'s clock. */
+  notBefore_ms: number;
+  pause_ms: number;
 }
+
+/** So many are fetched and decoded at the same time; the one wanted last comes first. */
+const AT_ONCE = 2;
+/** An MPI that could not be read is tried again after this, then after twice as long, and so on. */
+const FIRST_PAUSE_MS = 1000;
+const LONGEST_PAUSE_MS = 30_000;
 
 /** Floats per tile: x and y of its first texel's centre, depth of its plane. */
 const INSTANCE_FLOATS = 3;
@@ -53,6 +62,7 @@ export class MpiStore implements Disposable {
   #views: readonly { readonly id: string; readonly camera: Camera }[] = [];
   #cameras: readonly Camera[] = [];
   #clock = 0;
+  #numLoading = 0;
 
   constructor(gl: WebGL2RenderingContext, options: MpiStoreOptions) {
     this.#gl = gl;
@@ -62,7 +72,10 @@ export class MpiStore implements Disposable {
   /** Make a view known. `load` is called whenever its MPI is wanted and is not on the card. */
   add(id: string, camera: Camera, load: () => Promise<ArrayBuffer>): void {
     if (this.#entries.has(id)) return;
-    this.#entries.set(id, { id, camera, load, gpu: null, loading: false, lastWanted: 0 });
+    this.#entries.set(id, {
+      id, camera, load, gpu: null, loading: false, lastWanted: 0, notBefore_ms: 0,
+      pause_ms: FIRST_PAUSE_MS,
+    });
     this.#list();
     this.want(id);
   }
@@ -95,7 +108,7 @@ export class MpiStore implements Disposable {
     if (entry === undefined) return null;
     this.#clock += 1;
     entry.lastWanted = this.#clock;
-    if (entry.gpu === null && !entry.loading) void this.#fetch(entry);
+    if (entry.gpu === null) this.#fetchNext();
     return entry.gpu;
   }
 
@@ -131,19 +144,44 @@ export class MpiStore implements Disposable {
     for (const id of Array.from(this.#entries.keys())) this.remove(id);
   }
 
+  /**
+   * Begin to fetch what was wanted last, as far as there is room on the card: of a long session that
+   * is opened again, all are known at once, and few are ever seen.
+   */
+  #fetchNext(): void {
+    while (this.#numLoading < AT_ONCE) {
+      const now_ms = performance.now();
+      const oldest = this.#clock - this.#options.maxResident;
+      let next: Entry | null = null;
+      for (const entry of this.#entries.values()) {
+        if (entry.gpu !== null || entry.loading || entry.notBefore_ms > now_ms) continue;
+        if (entry.lastWanted <= oldest || entry.lastWanted <= (next?.lastWanted ?? 0)) continue;
+        next = entry;
+      }
+      if (next === null) return;
+      void this.#fetch(next);
+    }
+  }
+
   async #fetch(entry: Entry): Promise<void> {
     entry.loading = true;
+    this.#numLoading += 1;
     try {
       const decoded = await this.#options.decoder.decode(await entry.load());
       // It may have been undone while it was on its way.
       if (this.#entries.get(entry.id) !== entry) return;
       this.#makeRoom();
       entry.gpu = this.#upload(decoded);
+      entry.pause_ms = FIRST_PAUSE_MS;
       for (const listener of this.#listeners) listener(entry.id);
     } catch (error) {
-      this.#options.onProblem?.(entry.id, error);
+      entry.notBefore_ms = performance.now() + entry.pause_ms;
+      entry.pause_ms = Math.min(2 * entry.pause_ms, LONGEST_PAUSE_MS);
+      if (this.#entries.get(entry.id) === entry) this.#options.onProblem?.(entry.id, error);
     } finally {
       entry.loading = false;
+      this.#numLoading -= 1;
+      this.#fetchNext();
     }
   }
 
@@ -157,14 +195,18 @@ export class MpiStore implements Disposable {
 
   #upload(mpi: DecodedMpi): GpuMpi & { readonly buffer: WebGLBuffer } {
     const gl = this.#gl;
+    const width = TEXTURE_COLS * TILE_PX;
+    const height = mpi.textureRows * TILE_PX;
+    const most = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
+    if (Math.max(width, height) > most) {
+      throw new RangeError(`an MPI needs a texture of ${width}x${height}; this device has ${most}`);
+    }
     const texture = gl.createTexture();
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
     gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    const width = TEXTURE_COLS * TILE_PX;
-    const height = mpi.textureRows * TILE_PX;
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, mpi.texels);
     for (const [name, value] of [

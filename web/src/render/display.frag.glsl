@@ -19,7 +19,7 @@ const float STRIPE_PX = 6.0;
 void main() {
   vec3 rgb = base == 1 ? texture(live, uv).rgb : texture(view, uv).rgb;
   if (peaks) {
-    float mask = smoothstep(0.35, 0.65, texture(shown, uv).r);
+    float mask = smoothstep(0.35, 0.65, texture(shown, uv).g);
     vec3 paint = RED;
     if (pattern) {
       // Stripes that stand out by brightness, for eyes that do not tell red from green.

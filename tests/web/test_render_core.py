@@ -1,0 +1,234 @@
+"""Parts of the client's renderer, one by one, against Python: in a real browser."""
+
+from __future__ import annotations
+
+import base64
+import re
+import subprocess
+from collections.abc import Generator
+from dataclasses import asdict, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from live_server import chromium
+from peaking.datasets.nerfstudio import open_recording
+from peaking.geometry import Camera, Rigid
+from peaking.mpi import Mpi
+from peaking.mpi_file import decode, encode
+from peaking.pipeline import LocalLightField
+from peaking.presets import DEFAULT, Options
+from peaking.render import render
+from peaking.server.recordings import wire_of_camera
+from peaking.server.wire import Options as WireOptions
+
+ROOT = Path(__file__).parents[2]
+SIZE = (102, 222)
+# Measured with SwiftShader, November 2026: see the comment beside each.
+COLOUR_MEAN = 0.7
+"""Mean difference of a decoded JPEG's colour, 8-bit steps: browsers interpolate chroma. 0.47."""
+COLOUR_FAR = 0.001
+"""Share of its texels that differ by more than 24 steps. 0.0005; the largest difference is 58."""
+SHRUNK_MEAN = 1.0
+"""Mean difference of the live picture made small, 8-bit steps. 0.68 (factor 2.9)."""
+SHRUNK_FAR = 12
+"""Largest one. 9 (factor 2.9)."""
+VIEW_MEAN = 0.5 / 255
+"""Mean difference of a rendering; 8-bit targets round at every layer. 0.37 / 255."""
+VIEW_WRONG = 0.005
+"""Share of its pixels that differ by more than 8 / 255. 0.0039, where MPI and view coincide."""
+FLASHES_PER_S = 3.0
+"""WCAG 2.3.1; a flash is there and back. 1.5 (a picture that is wrong every 250 ms)."""
+SOON_MS = 350.0
+"""Until what stays wrong is shown. Analysis: 200 ms · ln 4, and a frame."""
+
+OPTIONS = replace(DEFAULT, pixels=SIZE[0] * SIZE[1], compensate_exposure=False)
+
+
+@pytest.fixture(scope="module")
+def page() -> Generator[Page, None, None]:
+    command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
+    vite = subprocess.Popen(
+        command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert vite.stdout is not None
+    try:
+        said, address = "", None
+        while address is None:
+            line = vite.stdout.readline()
+            assert line, f"vite did not start: {said}"
+            said += line
+            address = re.search(r"http://127\.0\.0\.1:\d+", re.sub(r"\x1b\[[0-9;]*m", "", line))
+        with chromium() as browser:
+            page = browser.new_page()
+            page.set_default_timeout(90_000)
+            page.goto(f"{address.group()}/tests/pages/core.html", wait_until="commit")
+            page.wait_for_function("window.core !== undefined")
+            yield page
+    finally:
+        vite.terminate()
+        vite.wait(10)
+        vite.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def field() -> LocalLightField:
+    """One view of the desk."""
+    field = LocalLightField(OPTIONS)
+    field.add_view(open_recording(ROOT / "scenes" / "desk").read(0))
+    return field
+
+
+def base64_of(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+def pixels_of(text: str, width: int, height: int) -> np.ndarray:
+    """Return RGBA, top row first, of what GL gives bottom row first."""
+    return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)[::-1]
+
+
+def scene_of(mpis: list[Mpi], camera: Camera, live: np.ndarray, options: Options) -> dict[str, Any]:
+    opaque = np.full((*live.shape[:2], 1), 255, np.uint8)
+    rgba = np.ascontiguousarray(np.concatenate([live, opaque], axis=-1)[::-1])
+    names = WireOptions.__struct_fields__
+    return {
+        "options": {name: asdict(options)[name] for name in names},
+        "camera": msgspec.to_builtins(wire_of_camera(camera)),
+        "live": base64_of(rgba.tobytes()),
+        "mpis": [
+            {
+                "camera": msgspec.to_builtins(wire_of_camera(mpi.camera)),
+                "file": base64_of(encode(mpi, codec="lossless")),
+            }
+            for mpi in mpis
+        ],
+    }
+
+
+def one_frame(
+    page: Page, scene: dict[str, Any], viewport: dict[str, int], size: tuple[int, int]
+) -> dict[str, Any]:
+    answer = page.evaluate(
+        "([scene, viewport, size]) => core.oneFrame(scene, viewport, size)",
+        [scene, viewport, {"width": size[0], "height": size[1]}],
+    )
+    assert answer["gl_error"] == 0
+    answer["display"] = pixels_of(answer["display"], *size)
+    for name in ("live", "view"):
+        answer[name] = pixels_of(answer[name], answer["width"], answer["height"])
+    return answer
+
+
+def whole(size: tuple[int, int]) -> dict[str, int]:
+    return {"x": 0, "y": 0, "width": size[0], "height": size[1]}
+
+
+@pytest.mark.parametrize("codec", ["lossless", "jpeg"])
+def test_texels_are_those_of_python(page: Page, field: LocalLightField, codec: Any) -> None:
+    data = encode(field.views[0], codec=codec)
+    answer = page.evaluate("file => core.decode(file, 1)", base64_of(data))
+    atlas = np.frombuffer(base64.b64decode(answer["texels"]), np.uint8)
+    rows = answer["height"] // 16
+    tiles = atlas.reshape(rows, 16, -1, 16, 4).transpose(0, 2, 1, 3, 4).reshape(-1, 16, 16, 4)
+    python = decode(data).texels
+    away = np.abs(tiles[: len(python)].astype(int) - python)
+    assert answer["num_tiles"] == len(python)
+    assert not tiles[len(python) :].any()
+    if codec == "lossless":
+        assert away.max() == 0
+        return
+    assert away[..., 3].max() == 0
+    assert away[..., :3].mean() <= COLOUR_MEAN
+    assert (away[..., :3].max(axis=-1) > 24).mean() <= COLOUR_FAR
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.7, 2.0, 2.9, 5.3])
+def test_the_live_picture_is_shrunk_as_python_does(page: Page, factor: float) -> None:
+    photo = open_recording(ROOT / "scenes" / "desk").read(30)
+    width, height = (round(side * factor) for side in SIZE)
+    big = cv2.resize(photo.rgb, (width, height), interpolation=cv2.INTER_CUBIC)
+    camera = photo.camera.resized(width, height)
+    mpi = LocalLightField(OPTIONS).mpi_of(photo)
+    scene = scene_of([mpi], camera, np.asarray(big, np.uint8), OPTIONS)
+    answer = one_frame(page, scene, whole(SIZE), SIZE)
+    assert (answer["width"], answer["height"]) == SIZE
+    python = cv2.resize(big, SIZE, interpolation=cv2.INTER_AREA)
+    away = np.abs(answer["live"][..., :3].astype(int) - python)
+    assert away.mean() <= SHRUNK_MEAN
+    assert away.max() <= SHRUNK_FAR
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "turned_deg"),
+    [(0.0, 0.0), (0.8, 0.0), (1.1, 50.0), (1.1, 120.0), (0.5, 180.0), (9.0, 0.0), (2.0, 90.0)],
+)
+def test_planes_are_drawn_from_before_them_only(
+    page: Page, field: LocalLightField, forward_m: float, turned_deg: float
+) -> None:
+    mpi = field.views[0]
+    c, s = np.cos(np.deg2rad(turned_deg)), np.sin(np.deg2rad(turned_deg))
+    turn: Rigid[Any, Any] = Rigid(
+        np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([0.02, 0.01, forward_m])
+    )
+    camera = Camera(mpi.camera.pinhole, mpi.camera.world_from_cam @ turn)
+    scene = scene_of([mpi], camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS)
+    answer = one_frame(page, scene, whole(SIZE), SIZE)
+    python = render(mpi, camera, backend="numpy").rgba
+    away = np.abs(answer["view"] / 255.0 - python)
+    assert away.mean() <= VIEW_MEAN
+    assert (away.max(axis=-1) > 8 / 255).mean() <= VIEW_WRONG
+
+
+def test_only_the_viewport_is_drawn_into(page: Page, field: LocalLightField) -> None:
+    camera = field.views[0].camera
+    scene = scene_of(field.views, camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS)
+    viewport = {"x": 20, "y": 30, "width": 51, "height": 111}
+    display = one_frame(page, scene, viewport, (100, 200))["display"]
+    inside = np.zeros((200, 100), bool)
+    inside[200 - 30 - 111 : 200 - 30, 20 : 20 + 51] = True
+    green = (display[..., :3] == [0, 255, 0]).all(axis=-1)
+    assert green[~inside].all()
+    assert not green[inside].any()
+
+
+def changes(shown: list[bool]) -> int:
+    return sum(one != other for one, other in pairwise(shown))
+
+
+@pytest.mark.parametrize("frame_ms", [8.0, 16.7, 33.3, 100.0, 250.0])
+@pytest.mark.parametrize("half_period", [1, 2, 5])
+def test_nothing_flashes(
+    page: Page, field: LocalLightField, frame_ms: float, half_period: int
+) -> None:
+    seconds = 3.0
+    frames = int(seconds * 1000 / frame_ms)
+    wrong = [(i // half_period) % 2 == 0 for i in range(frames)]
+    scene = scene_of(
+        field.views, field.views[0].camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS
+    )
+    shown = page.evaluate("([s, w, ms]) => core.flicker(s, w, ms)", [scene, wrong, frame_ms])
+    assert changes(shown) / 2 / seconds < FLASHES_PER_S
+
+
+def test_what_stays_wrong_is_shown_soon_and_goes_soon(page: Page, field: LocalLightField) -> None:
+    scene = scene_of(
+        field.views, field.views[0].camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS
+    )
+    wrong = [False] * 10 + [True] * 30 + [False] * 30
+    shown = page.evaluate("([s, w, ms]) => core.flicker(s, w, ms)", [scene, wrong, 33.3])
+    assert changes(shown) == 2
+    assert (shown.index(True) - 10) * 33.3 < SOON_MS
+    assert (70 - shown[::-1].index(True) - 40) * 33.3 < SOON_MS
+
+
+def test_a_shader_that_does_not_compile_says_where(page: Page) -> None:
+    message = page.evaluate("core.brokenShader()")
+    assert "nonsense" in message
+    assert "  3   gl_Position = nonsense;" in message

@@ -1,0 +1,200 @@
+/** The parts of the renderer that a test asks for one by one, in a real browser. */
+
+import { cameraOfWire, type Camera } from '../../src/geometry';
+import { MpiDecoder } from '../../src/mpi/decoder';
+import { MpiStore } from '../../src/mpi/mpi_store';
+import { Program, ShaderError } from '../../src/render/program';
+import { ViewRenderer, type Look } from '../../src/render/view_renderer';
+import type { LiveFrame, Viewport } from '../../src/sources/frame_source';
+import type { Camera as WireCamera, Options } from '../../src/wire';
+import { TEXTURE_COLS } from '../../src/mpi/decode';
+import { TILE_PX } from '../../src/mpi/mpi_file';
+
+const LOOK: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
+
+function bytesOf(base64: string): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+}
+
+function base64Of(bytes: Uint8Array): string {
+  let text = '';
+  for (const byte of bytes) text += String.fromCharCode(byte);
+  return btoa(text);
+}
+
+/** The texels as they go to the card, and the median of the times that decoding took. */
+async function decode(file: string, times: number): Promise<object> {
+  using decoder = new MpiDecoder();
+  const bytes = bytesOf(file).buffer;
+  await decoder.decode(bytes); // the worker starts, and what it runs is compiled
+  const took_ms: number[] = [];
+  let mpi = await decoder.decode(bytes);
+  for (let i = 0; i < times; i += 1) {
+    const begin_ms = performance.now();
+    mpi = await decoder.decode(bytes);
+    took_ms.push(performance.now() - begin_ms);
+  }
+  took_ms.sort((a, b) => a - b);
+  return {
+    texels: base64Of(mpi.texels), width: TEXTURE_COLS * TILE_PX,
+    height: mpi.textureRows * TILE_PX, num_tiles: mpi.numTiles,
+    took_ms: took_ms[times >> 1] ?? null,
+  };
+}
+
+function contextOf(width: number, height: number): WebGL2RenderingContext {
+  const canvas = document.createElement('canvas');
+  canvas.width = width;
+  canvas.height = height;
+  const gl = canvas.getContext('webgl2', { alpha: false, antialias: false });
+  if (gl === null) throw new Error('no WebGL 2');
+  return gl;
+}
+
+/** A renderer with MPIs on the card and a live picture, frame by frame. */
+class Bench implements Disposable {
+  readonly gl: WebGL2RenderingContext;
+  readonly store: MpiStore;
+  readonly renderer: ViewRenderer;
+  readonly #decoder = new MpiDecoder();
+  readonly #image: WebGLTexture;
+  #camera: Camera;
+
+  constructor(
+    options: Options, camera: WireCamera, live: string, readonly viewport: Viewport,
+    size: { readonly width: number; readonly height: number } = viewport,
+  ) {
+    const gl = contextOf(size.width, size.height);
+    this.gl = gl;
+    this.#camera = cameraOfWire(camera);
+    const { width_px, height_px } = camera.pinhole;
+    this.#image = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.#image);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width_px, height_px, 0, gl.RGBA, gl.UNSIGNED_BYTE,
+      bytesOf(live));
+    this.store = new MpiStore(gl, {
+      decoder: this.#decoder, maxResident: 12, onProblem: (_, error) => { throw error; },
+    });
+    this.renderer = new ViewRenderer(gl, options);
+  }
+
+  async add(files: Scene['mpis']): Promise<void> {
+    let coming = files.length;
+    if (coming === 0) return;
+    const here = new Promise<void>((resolve) => this.store.onResident(() => {
+      coming -= 1;
+      if (coming === 0) resolve();
+    }));
+    files.forEach(({ camera, file }, i) =>
+      this.store.add(String(i), cameraOfWire(camera), async () => bytesOf(file).buffer));
+    await here;
+  }
+
+  draw(time_ms: number, look: Partial<Look> = {}): void {
+    const frame: LiveFrame = {
+      time_ms, camera: this.#camera, image: this.#image, framebuffer: null,
+      viewport: this.viewport, depth: () => null,
+    };
+    this.renderer.draw(frame, this.store, { ...LOOK, ...look });
+  }
+
+  /** RGBA, bottom row first. */
+  read(name: 'view' | 'result' | 'live' | 'display'): Uint8Array {
+    const { gl } = this;
+    const target = name === 'display' ? null : this.renderer.targets()?.[name] ?? null;
+    const width = target?.width ?? gl.drawingBufferWidth;
+    const height = target?.height ?? gl.drawingBufferHeight;
+    const pixels = new Uint8Array(4 * width * height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target?.framebuffer ?? null);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    return pixels;
+  }
+
+  [Symbol.dispose](): void {
+    this.renderer[Symbol.dispose]();
+    this.store[Symbol.dispose]();
+    this.#decoder[Symbol.dispose]();
+    this.gl.getExtension('WEBGL_lose_context')?.loseContext();
+  }
+}
+
+interface Scene {
+  readonly options: Options;
+  readonly camera: WireCamera;
+  readonly live: string;
+  readonly mpis: readonly { readonly camera: WireCamera; readonly file: string }[];
+}
+
+function viewportOf({ camera }: Scene): Viewport {
+  return { x: 0, y: 0, width: camera.pinhole.width_px, height: camera.pinhole.height_px };
+}
+
+/** One frame: what was rendered, compared and drawn into the viewport of a canvas. */
+async function oneFrame(
+  scene: Scene, viewport: Viewport, size: { width: number; height: number },
+): Promise<object> {
+  using bench = new Bench(scene.options, scene.camera, scene.live, viewport, size);
+  await bench.add(scene.mpis);
+  bench.gl.clearColor(0, 1, 0, 1);
+  bench.gl.clear(bench.gl.COLOR_BUFFER_BIT);
+  bench.draw(0);
+  const display = base64Of(bench.read('display'));
+  const { width, height } = bench.renderer.targets()?.live ?? { width: 0, height: 0 };
+  return {
+    display, width, height, live: base64Of(bench.read('live')), view: base64Of(bench.read('view')),
+    gl_error: bench.gl.getError(),
+  };
+}
+
+/**
+ * Red or not, of one pixel after every frame: all pixels are wrong in a frame where `wrong` says
+ * so, and none in the others.
+ */
+async function flicker(
+  scene: Scene, wrong: readonly boolean[], frame_ms: number,
+): Promise<readonly boolean[]> {
+  using bench = new Bench(scene.options, scene.camera, scene.live, viewportOf(scene));
+  await bench.add(scene.mpis);
+  const { width, height } = viewportOf(scene);
+  const middle = 4 * (width * (height >> 1) + (width >> 1));
+  return wrong.map((all, i) => {
+    bench.draw(1000 + frame_ms * i, { threshold: all ? -1 : 3 });
+    const pixels = bench.read('display');
+    return pixels[middle] === 255 && pixels[middle + 1] === 0;
+  });
+}
+
+/** Milliseconds of a frame whose end is waited for: median, and bytes of an MPI on the card. */
+async function frameTime(scene: Scene, frames: number): Promise<object> {
+  using bench = new Bench(scene.options, scene.camera, scene.live, viewportOf(scene));
+  await bench.add(scene.mpis);
+  const pixel = new Uint8Array(4);
+  const took_ms: number[] = [];
+  for (let i = 0; i < frames + 2; i += 1) {
+    const begin_ms = performance.now();
+    bench.draw(100 * i);
+    bench.gl.readPixels(0, 0, 1, 1, bench.gl.RGBA, bench.gl.UNSIGNED_BYTE, pixel);
+    if (i >= 2) took_ms.push(performance.now() - begin_ms);
+    await new Promise((resolve) => setTimeout(resolve, 0));
+  }
+  took_ms.sort((a, b) => a - b);
+  return {
+    median_ms: took_ms[frames >> 1] ?? null, least_ms: took_ms[0] ?? null,
+    bytes_per_view: bench.store.residentBytes / Math.max(bench.store.residentCount, 1),
+  };
+}
+
+function brokenShader(): string {
+  const vertex = '#version 300 es\nvoid main() {\n  gl_Position = nonsense;\n}\n';
+  try {
+    new Program(contextOf(1, 1), vertex, vertex);
+  } catch (error) {
+    if (error instanceof ShaderError) return error.message;
+    throw error;
+  }
+  return '';
+}
+
+const core = { decode, oneFrame, flicker, frameTime, brokenShader };
+export type Core = typeof core;
+Object.assign(window, { core });
