@@ -122,6 +122,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     if (choice.kind === 'webxr') await start.ask('Start the camera');
     await source.run(gl, onFrame, new AbortController().signal);
     await new Promise<void>((resolve) => start.ended(resolve));
+    // A new session of WebXR has another origin, so its views are no neighbours of the old ones.
+    if (choice.kind === 'webxr') beginAnew(query);
     start.hide();
   }
 }

@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 from urllib.parse import quote
 
 import tyro
-
-from peaking.presets import PRESETS, PresetName
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Demo:
     """Address to listen at; only addresses of this machine alone."""
     port: int = 8000
     """Port, or the next free one; 0 takes any."""
-    preset: PresetName = "default"
+    preset: Literal["default", "paper"] = "default"
     """`default` is our best, `paper` is the paper to the letter."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
@@ -44,6 +42,7 @@ class Demo:
         import webbrowser
 
         from peaking.datasets.nerfstudio import open_recording
+        from peaking.presets import PRESETS
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
         from peaking.server.run import CLIENT_DIR, bind, serve

@@ -5,11 +5,9 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
-
-from peaking.presets import PRESETS, PresetName
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Serve:
     """Address to listen at; all of them by default."""
     port: int = 8443
     """Port, or the next free one; 0 takes any."""
-    preset: PresetName = "default"
+    preset: Literal["default", "paper"] = "default"
     """`default` is our best, `paper` is the paper to the letter."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """For a phone on a USB cable: plain http at localhost, through `adb reverse`."""
@@ -45,6 +43,7 @@ class Serve:
 
         import segno
 
+        from peaking.presets import PRESETS
         from peaking.server.app import ServerConfig
         from peaking.server.certificates import (
             authority,
