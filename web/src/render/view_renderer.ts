@@ -75,6 +75,8 @@ export class ViewRenderer implements Disposable {
   readonly #matrix = new Float32Array(9);
   readonly #gain = new Float32Array([1, 1, 1]);
   #targets: Targets | null = null;
+  /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
+  readonly #renderedFor = new Float64Array(16);
   #shares: { peaked: number; missing: number } | null = null;
   #sceneDepth_m = USUAL_DEPTH_M;
   #lastTime_ms = 0;
@@ -123,8 +125,14 @@ export class ViewRenderer implements Disposable {
     }
     this.#shrink(image, camera, targets);
     const small = resized(camera.pinhole, targets.live.width, targets.live.height);
-    near.forEach(({ mpi }, k) => this.#renderMpi(mpi, camera, small, targets.views[k]));
-    this.#blend(near, targets);
+    const views = this.#placesOf(near.map(({ mpi }) => mpi), camera, targets);
+    near.forEach(({ mpi }, k) => {
+      const view = views[k];
+      if (view === undefined || view.mpi === mpi) return;
+      this.#renderMpi(mpi, camera, small, view.target);
+      view.mpi = mpi;
+    });
+    this.#blend(near, views, targets);
     this.#compare(look, targets);
     this.#count(targets);
     this.#measureExposure(targets);
@@ -206,10 +214,27 @@ export class ViewRenderer implements Disposable {
     this.#cover();
   }
 
+  /**
+   * Where each MPI is rendered to. One that is there already, for this very camera, keeps its place
+   * and need not be rendered again: a phone that is held by a tripod, a recording that is stopped.
+   */
+  #placesOf(mpis: readonly GpuMpi[], camera: Camera, targets: Targets): RenderedView[] {
+    const { fx_px, fy_px, cx_px, cy_px } = camera.pinhole;
+    const wanted = [...camera.worldFromCam.rows, fx_px, fy_px, cx_px, cy_px];
+    if (wanted.some((value, i) => value !== this.#renderedFor[i])) {
+      this.#renderedFor.set(wanted);
+      for (const view of targets.views) view.mpi = null;
+    }
+    const free = targets.views.filter(({ mpi }) => mpi === null || !mpis.includes(mpi));
+    return mpis.flatMap((mpi) => {
+      const place = targets.views.find((view) => view.mpi === mpi) ?? free.pop();
+      return place === undefined ? [] : [place];
+    });
+  }
+
   #renderMpi(
-    mpi: GpuMpi, camera: Camera, small: Camera['pinhole'], target: Target | undefined,
+    mpi: GpuMpi, camera: Camera, small: Camera['pinhole'], target: Target,
   ): void {
-    if (target === undefined) return;
     const gl = this.#gl;
     const { mpi: program } = this.#programs;
     target.begin();
@@ -240,14 +265,16 @@ export class ViewRenderer implements Disposable {
     gl.disable(gl.BLEND);
   }
 
-  #blend(near: readonly { readonly weight: number }[], targets: Targets): void {
+  #blend(
+    near: readonly { readonly weight: number }[], views: readonly RenderedView[], targets: Targets,
+  ): void {
     const gl = this.#gl;
     const { blend } = this.#programs;
     targets.view.begin();
     blend.use();
     for (let k = 0; k < MOST_VIEWS; k += 1) {
       this.#weights[k] = near[k]?.weight ?? 0;
-      this.#bind(k, (targets.views[k] ?? targets.views[0])?.texture ?? null);
+      this.#bind(k, (views[k] ?? views[0])?.target.texture ?? null);
     }
     gl.uniform1iv(blend.uniform('views'), this.#units);
     gl.uniform1fv(blend.uniform('weights'), this.#weights);
@@ -372,10 +399,17 @@ export class ViewRenderer implements Disposable {
   }
 }
 
+/** A picture of one MPI. */
+interface RenderedView {
+  readonly target: Target;
+  /** Null: nothing that is still worth anything. */
+  mpi: GpuMpi | null;
+}
+
 /** Everything of the size of the view. */
 class Targets implements Disposable {
   readonly live: Target;
-  readonly views: readonly Target[];
+  readonly views: readonly RenderedView[];
   readonly view: Target;
   readonly result: Target;
   readonly counts: Target;
@@ -388,7 +422,7 @@ class Targets implements Disposable {
   constructor(gl: WebGL2RenderingContext, width: number, height: number, count: number) {
     const ofView = (): Target => new Target(gl, width, height);
     this.live = ofView();
-    this.views = Array.from({ length: count }, ofView);
+    this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
     this.view = ofView();
     this.result = ofView();
     this.shown = ofView();
@@ -408,8 +442,8 @@ class Targets implements Disposable {
     this.countsBack[Symbol.dispose]();
     this.gridBack[Symbol.dispose]();
     for (const target of [
-      this.live, ...this.views, this.view, this.result, this.counts, this.grid, this.shown,
-      this.shownBefore,
+      this.live, ...this.views.map(({ target }) => target), this.view, this.result, this.counts,
+      this.grid, this.shown, this.shownBefore,
     ]) target[Symbol.dispose]();
   }
 }
