@@ -42,7 +42,10 @@ export class LiveView implements Disposable {
   readonly #motion = new Motion();
   readonly #known = new Set<string>();
   #wanted: ((captureId: string) => void) | null = null;
+  /** A photo is on its way to the session. */
   #busy = false;
+  /** The card is giving its pixels. */
+  #reading = false;
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
@@ -88,9 +91,12 @@ export class LiveView implements Disposable {
     if (taken !== null && frame.camera !== null && frame.image !== null) {
       this.#wanted = null;
       this.#busy = true;
+      this.#reading = true;
       void this.#take(frame, taken);
     }
-    const seen = this.#renderer.draw(frame, this.store, this.look);
+    const seen = this.#reading
+      ? this.#renderer.redraw(frame, this.store, this.look, this.#state.seen)
+      : this.#renderer.draw(frame, this.store, this.look);
     for (const id of seen.viewIds) this.timeline.mark(id, 'drawn', performance.now());
     this.#state = { seen, hindrance: this.#hindrance(frame), camera: frame.camera };
   }
@@ -104,6 +110,7 @@ export class LiveView implements Disposable {
     const pressed_ms = performance.now();
     try {
       const photo = await this.#photos.read(frame);
+      this.#reading = false;
       const read_ms = performance.now();
       const id = await this.session.shutter(photo);
       this.timeline.mark(id, 'shutter', pressed_ms);
@@ -113,6 +120,7 @@ export class LiveView implements Disposable {
     } catch (error) {
       this.onProblem(error instanceof Error ? error.message : String(error));
     } finally {
+      this.#reading = false;
       this.#busy = false;
     }
   }

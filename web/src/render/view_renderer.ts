@@ -145,6 +145,24 @@ export class ViewRenderer implements Disposable {
     };
   }
 
+  /**
+   * Draw what was rendered last once more, over the frame's own picture, and leave the card to those
+   * who read the photo. Draws in full where nothing was rendered yet.
+   */
+  redraw(frame: LiveFrame, store: MpiStore, look: Look, seen: Seen | null): Seen {
+    const targets = this.#targets;
+    if (frame.image === null || targets === null || seen === null || seen.viewIds.length === 0) {
+      return this.draw(frame, store, look);
+    }
+    const gl = this.#gl;
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.disable(gl.BLEND);
+    this.#display(frame, frame.image, targets, look, true);
+    return seen;
+  }
+
   /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
   targets(): Readonly<Record<'view' | 'result' | 'live', Target>> | null {
     return this.#targets;
