@@ -71,15 +71,13 @@ def complete(
         backend: Which implementation.
 
     Raises:
-        ValueError: No depth is known, or it has another aspect than the picture (by more than one
-            of its own pixels).
+        ValueError: No depth is known, or it has another aspect than the picture (by more than a
+            pixel of the coarser of the two).
     """
     how = options or Completion()
     height, width = rgb.shape[:2]
     rows, cols = sensor_m.shape
-    if min(rows, cols) == 0 or (
-        abs(cols * height / width - rows) > 1 and abs(rows * width / height - cols) > 1
-    ):
+    if min(rows, cols) == 0 or not _same_aspect((cols, rows), (width, height)):
         raise ValueError(f"need depth of the aspect of {width}x{height}, got {cols}x{rows}")
     known = (sensor_m > CLOSEST_M) & (sensor_m < FARTHEST_M)
     if not known.any():
@@ -100,3 +98,12 @@ def complete(
     sharp = module.sharpen(filled, noise)
     chosen = module.choose_sides(sharp, guide, rgb, how.surface_range, how.colour_sigma, noise)
     return np.float32(1.0) / cv2.medianBlur(chosen, 3).astype(np.float32)
+
+
+def _same_aspect(a_px: tuple[int, int], b_px: tuple[int, int]) -> bool:
+    """Return whether two sizes differ in aspect by at most a pixel of the coarser one."""
+    (small_w, small_h), (large_w, large_h) = sorted((a_px, b_px))
+    return (
+        abs(small_w * large_h / large_w - small_h) <= 1
+        or abs(small_h * large_w / large_h - small_w) <= 1
+    )
