@@ -1,0 +1,147 @@
+"""What an evaluation finds: a score per test view, a row per data set, and paired comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+LOWEST_PERCENT = 5.0
+"""The percentile of PSNR that stands for the worst views."""
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """One data set that was chosen, reconstructed and looked at.
+
+    Attributes:
+        scene: Name of the recording.
+        strategy: Who chose the views.
+        reconstruct: `mpi` or `3dgs`.
+        test_views: `holdout` or `paper`.
+        n_views: How many views were chosen.
+        seed: Of the strategy's and the training's random choices.
+    """
+
+    scene: str
+    strategy: str
+    reconstruct: str
+    test_views: str
+    n_views: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class ViewScore:
+    """How near one rendered test view is to its photograph.
+
+    Attributes:
+        view: Its number in the recording.
+        psnr: Over the whole picture, black where nothing was rendered, dB.
+        ssim: The same, up to 1.
+        flip: Mean of the FLIP map, 0…1, less is better.
+        lpips: `lpips-alex`, less is better; None without the official weights.
+        st_lpips: `st-lpips-alex`, less is better; None without its package.
+        psnr_seen: PSNR over the pixels that were rendered; None where there are none.
+        coverage: Share of the pixels that were rendered, 0…1.
+        picture: File with photograph, rendering and error beside each other, relative to the
+            results; None but for the worst views.
+    """
+
+    view: int
+    psnr: float
+    ssim: float
+    flip: float
+    lpips: float | None
+    st_lpips: float | None
+    psnr_seen: float | None
+    coverage: float
+    picture: str | None = None
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """The scores of one data set.
+
+    Attributes:
+        case: Which one.
+        views: The chosen views, numbers in the recording.
+        scores: One per test view, in the order of the recording.
+        seconds: To reconstruct and to render all test views.
+    """
+
+    case: Case
+    views: tuple[int, ...]
+    scores: tuple[ViewScore, ...]
+    seconds: float
+
+    def row(self) -> dict[str, str | int | float | None]:
+        """Return the row of `results.json`."""
+        psnr = np.array([score.psnr for score in self.scores])
+        ssim = np.array([score.ssim for score in self.scores])
+        c = self.case
+        return {
+            "scene": c.scene,
+            "strategy": c.strategy,
+            "reconstruct": c.reconstruct,
+            "test_views": c.test_views,
+            "seed": c.seed,
+            "n_views": c.n_views,
+            "psnr_mean": float(psnr.mean()),
+            "psnr_std": float(psnr.std()),
+            "psnr_p5": float(np.percentile(psnr, LOWEST_PERCENT)),
+            "ssim_mean": float(ssim.mean()),
+            "ssim_std": float(ssim.std()),
+            "lpips_mean": _mean([score.lpips for score in self.scores]),
+            "lpips_std": _std([score.lpips for score in self.scores]),
+            "st_lpips_mean": _mean([score.st_lpips for score in self.scores]),
+            "st_lpips_std": _std([score.st_lpips for score in self.scores]),
+            "flip_mean": float(np.mean([score.flip for score in self.scores])),
+            "flip_std": float(np.std([score.flip for score in self.scores])),
+            "psnr_seen_mean": _mean([score.psnr_seen for score in self.scores], some=True),
+            "coverage": float(np.mean([score.coverage for score in self.scores])),
+            "seconds": self.seconds,
+        }
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Strategy a minus strategy b on the same test views, with a 95 % interval.
+
+    Attributes:
+        scene: Name of the recording.
+        reconstruct: `mpi` or `3dgs`.
+        test_views: `holdout` or `paper`.
+        n_views: How many views both chose.
+        a: One strategy.
+        b: The other; its seeds are averaged view by view.
+        metric: `psnr`, `psnr_p5`, `ssim`, `flip`, `lpips` or `st_lpips`.
+        difference: a - b.
+        low: Lower end of the interval.
+        high: Upper end.
+    """
+
+    scene: str
+    reconstruct: str
+    test_views: str
+    n_views: int
+    a: str
+    b: str
+    metric: str
+    difference: float
+    low: float
+    high: float
+
+
+def _mean(values: Sequence[float | None], *, some: bool = False) -> float | None:
+    """Return the mean; None when a value is missing (with `some`: when all are)."""
+    known = [value for value in values if value is not None]
+    if not known or (len(known) < len(values) and not some):
+        return None
+    return float(np.mean(known))
+
+
+def _std(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.std(known)) if known and len(known) == len(values) else None
