@@ -1,0 +1,339 @@
+# pyright: basic
+"""From Gaussians in the world to ellipses on the picture, and gradients back; float32 or float64.
+
+A row of `parameters` is a Gaussian: mean 3, log scale 3, quaternion w x y z, opacity logit,
+spherical harmonics coefficient by coefficient (`Gaussians.packed`). A row of `splats` is what the
+rasteriser needs of it: u, v, the inverse covariance (xx, xy, yy), opacity, r, g, b, depth, and the
+half width and height of the box in which its alpha reaches `alpha_min` (0 = unseen).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+C0 = 0.28209479177387814
+C1 = 0.4886025119029199
+DILATION_PX2 = 0.3
+FIELD_MARGIN = 1.3
+NUM_SPLAT_COLUMNS = 12
+NUM_GRADIENT_COLUMNS = 9
+
+
+@nb.njit(cache=True, error_model="numpy", inline="always")
+def _camera_point(p, i, pose):
+    x = pose[0, 0] * p[i, 0] + pose[0, 1] * p[i, 1] + pose[0, 2] * p[i, 2] + pose[0, 3]
+    y = pose[1, 0] * p[i, 0] + pose[1, 1] * p[i, 1] + pose[1, 2] * p[i, 2] + pose[1, 3]
+    z = pose[2, 0] * p[i, 0] + pose[2, 1] * p[i, 1] + pose[2, 2] * p[i, 2] + pose[2, 3]
+    return x, y, z
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _rotation(w, a, b, c):
+    return (
+        1 - 2 * (b * b + c * c),
+        2 * (a * b - w * c),
+        2 * (a * c + w * b),
+        2 * (a * b + w * c),
+        1 - 2 * (a * a + c * c),
+        2 * (b * c - w * a),
+        2 * (a * c - w * b),
+        2 * (b * c + w * a),
+        1 - 2 * (a * a + b * b),
+    )
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _unit_quaternion(p, i):
+    n = math.sqrt(p[i, 6] ** 2 + p[i, 7] ** 2 + p[i, 8] ** 2 + p[i, 9] ** 2)
+    n = max(n, 1e-12)
+    return p[i, 6] / n, p[i, 7] / n, p[i, 8] / n, p[i, 9] / n, n
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _covariance(p, i):
+    w, a, b, c, _ = _unit_quaternion(p, i)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(w, a, b, c)
+    s0 = math.exp(2 * p[i, 3])
+    s1 = math.exp(2 * p[i, 4])
+    s2 = math.exp(2 * p[i, 5])
+    return (
+        r00 * r00 * s0 + r01 * r01 * s1 + r02 * r02 * s2,
+        r00 * r10 * s0 + r01 * r11 * s1 + r02 * r12 * s2,
+        r00 * r20 * s0 + r01 * r21 * s1 + r02 * r22 * s2,
+        r10 * r10 * s0 + r11 * r11 * s1 + r12 * r12 * s2,
+        r10 * r20 * s0 + r11 * r21 * s1 + r12 * r22 * s2,
+        r20 * r20 * s0 + r21 * r21 * s1 + r22 * r22 * s2,
+    )
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def project(parameters, pose, lens, near_m, alpha_min, splats):
+    """Fill `splats`; `pose` is cam_from_world 3×4, `lens` fx fy cx cy width height."""
+    p = parameters
+    fx, fy, cx, cy, width, height = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+    limit_x = FIELD_MARGIN * 0.5 * width / fx
+    limit_y = FIELD_MARGIN * 0.5 * height / fy
+    eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
+    eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
+    eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
+    for i in nb.prange(p.shape[0]):
+        splats[i, 10] = 0
+        splats[i, 11] = 0
+        x, y, z = _camera_point(p, i, pose)
+        if not z >= near_m:
+            continue
+        u = fx * x / z + cx
+        v = fy * y / z + cy
+        tx = min(limit_x, max(-limit_x, x / z)) * z
+        ty = min(limit_y, max(-limit_y, y / z)) * z
+        c00, c01, c02, c11, c12, c22 = _covariance(p, i)
+        j0 = fx / z
+        j2 = -fx * tx / (z * z)
+        j4 = fy / z
+        j5 = -fy * ty / (z * z)
+        t00 = j0 * pose[0, 0] + j2 * pose[2, 0]
+        t01 = j0 * pose[0, 1] + j2 * pose[2, 1]
+        t02 = j0 * pose[0, 2] + j2 * pose[2, 2]
+        t10 = j4 * pose[1, 0] + j5 * pose[2, 0]
+        t11 = j4 * pose[1, 1] + j5 * pose[2, 1]
+        t12 = j4 * pose[1, 2] + j5 * pose[2, 2]
+        v0 = t00 * c00 + t01 * c01 + t02 * c02
+        v1 = t00 * c01 + t01 * c11 + t02 * c12
+        v2 = t00 * c02 + t01 * c12 + t02 * c22
+        xx = v0 * t00 + v1 * t01 + v2 * t02 + DILATION_PX2
+        xy = v0 * t10 + v1 * t11 + v2 * t12
+        v0 = t10 * c00 + t11 * c01 + t12 * c02
+        v1 = t10 * c01 + t11 * c11 + t12 * c12
+        v2 = t10 * c02 + t11 * c12 + t12 * c22
+        yy = v0 * t10 + v1 * t11 + v2 * t12 + DILATION_PX2
+        det = xx * yy - xy * xy
+        opacity = 1 / (1 + math.exp(-p[i, 10]))
+        if not (det > 0 and det < 1e12 and opacity > alpha_min):
+            continue
+        reach = 2 * math.log(opacity / alpha_min)
+        rx = math.sqrt(reach * xx)
+        ry = math.sqrt(reach * yy)
+        if not (u + rx > 0 and u - rx < width and v + ry > 0 and v - ry < height):
+            continue
+        splats[i, 0] = u
+        splats[i, 1] = v
+        splats[i, 2] = yy / det
+        splats[i, 3] = -xy / det
+        splats[i, 4] = xx / det
+        splats[i, 5] = opacity
+        dx = p[i, 0] - eye0
+        dy = p[i, 1] - eye1
+        dz = p[i, 2] - eye2
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        for c in range(3):
+            value = C0 * p[i, 11 + c] + 0.5
+            if p.shape[1] > 14:
+                value += (C1 / length) * (
+                    -dy * p[i, 14 + c] + dz * p[i, 17 + c] - dx * p[i, 20 + c]
+                )
+            splats[i, 6 + c] = max(value, 0.0)
+        splats[i, 9] = z
+        splats[i, 10] = rx
+        splats[i, 11] = ry
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients, screen):
+    """Fill `gradients` from those of the tiles' entries; add to `screen` what densifying needs.
+
+    `by_entry[starts[i] : starts[i + 1]]` belongs to Gaussian i: r, g, b, opacity, u, v and the
+    three of the inverse covariance. `screen` gets the length of the gradient by the position, in
+    half pictures, and a count of 1.
+    """
+    p = parameters
+    fx, fy, width, height = lens[0], lens[1], lens[4], lens[5]
+    limit_x = FIELD_MARGIN * 0.5 * width / fx
+    limit_y = FIELD_MARGIN * 0.5 * height / fy
+    eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
+    eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
+    eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
+    for i in nb.prange(p.shape[0]):
+        for c in range(p.shape[1]):
+            gradients[i, c] = 0
+        if splats[i, 10] <= 0:
+            continue
+        red = splats.dtype.type(0)
+        green = red
+        blue = red
+        by_opacity = red
+        gu = red
+        gv = red
+        g0 = red
+        g1 = red
+        g2 = red
+        for e in range(starts[i], starts[i + 1]):
+            red += by_entry[e, 0]
+            green += by_entry[e, 1]
+            blue += by_entry[e, 2]
+            by_opacity += by_entry[e, 3]
+            gu += by_entry[e, 4]
+            gv += by_entry[e, 5]
+            g0 += by_entry[e, 6]
+            g1 += by_entry[e, 7]
+            g2 += by_entry[e, 8]
+        screen[i, 0] += math.sqrt((gu * width * 0.5) ** 2 + (gv * height * 0.5) ** 2)
+        screen[i, 1] += 1
+        x, y, z = _camera_point(p, i, pose)
+        tx = min(limit_x, max(-limit_x, x / z)) * z
+        ty = min(limit_y, max(-limit_y, y / z)) * z
+        # The covariance on the picture: dS = -Q G Q, with the off-diagonal of G halved.
+        q0 = splats[i, 2]
+        q1 = splats[i, 3]
+        q2 = splats[i, 4]
+        g1 = 0.5 * g1
+        a00 = q0 * g0 + q1 * g1
+        a01 = q0 * g1 + q1 * g2
+        a10 = q1 * g0 + q2 * g1
+        a11 = q1 * g1 + q2 * g2
+        m00 = -(a00 * q0 + a01 * q1)
+        m01 = -(a00 * q1 + a01 * q2)
+        m11 = -(a10 * q1 + a11 * q2)
+        j0 = fx / z
+        j2 = -fx * tx / (z * z)
+        j4 = fy / z
+        j5 = -fy * ty / (z * z)
+        t00 = j0 * pose[0, 0] + j2 * pose[2, 0]
+        t01 = j0 * pose[0, 1] + j2 * pose[2, 1]
+        t02 = j0 * pose[0, 2] + j2 * pose[2, 2]
+        t10 = j4 * pose[1, 0] + j5 * pose[2, 0]
+        t11 = j4 * pose[1, 1] + j5 * pose[2, 1]
+        t12 = j4 * pose[1, 2] + j5 * pose[2, 2]
+        # T = J R: the covariance in the world gets Tᵀ M T, and T gets 2 M T S.
+        p00 = m00 * t00 + m01 * t10
+        p01 = m00 * t01 + m01 * t11
+        p02 = m00 * t02 + m01 * t12
+        p10 = m01 * t00 + m11 * t10
+        p11 = m01 * t01 + m11 * t11
+        p12 = m01 * t02 + m11 * t12
+        d00 = t00 * p00 + t10 * p10
+        d01 = t00 * p01 + t10 * p11
+        d02 = t00 * p02 + t10 * p12
+        d11 = t01 * p01 + t11 * p11
+        d12 = t01 * p02 + t11 * p12
+        d22 = t02 * p02 + t12 * p12
+        c00, c01, c02, c11, c12, c22 = _covariance(p, i)
+        k00 = 2 * (p00 * c00 + p01 * c01 + p02 * c02)
+        k01 = 2 * (p00 * c01 + p01 * c11 + p02 * c12)
+        k02 = 2 * (p00 * c02 + p01 * c12 + p02 * c22)
+        k10 = 2 * (p10 * c00 + p11 * c01 + p12 * c02)
+        k11 = 2 * (p10 * c01 + p11 * c11 + p12 * c12)
+        k12 = 2 * (p10 * c02 + p11 * c12 + p12 * c22)
+        by_j0 = k00 * pose[0, 0] + k01 * pose[0, 1] + k02 * pose[0, 2]
+        by_j2 = k00 * pose[2, 0] + k01 * pose[2, 1] + k02 * pose[2, 2]
+        by_j4 = k10 * pose[1, 0] + k11 * pose[1, 1] + k12 * pose[1, 2]
+        by_j5 = k10 * pose[2, 0] + k11 * pose[2, 1] + k12 * pose[2, 2]
+        iz2 = 1 / (z * z)
+        by_x = gu * fx / z
+        by_y = gv * fy / z
+        by_z = -gu * fx * x * iz2 - gv * fy * y * iz2 - fx * iz2 * by_j0 - fy * iz2 * by_j4
+        if abs(x / z) < limit_x:
+            by_x -= fx * iz2 * by_j2
+            by_z += 2 * fx * tx * iz2 / z * by_j2
+        else:
+            by_z += fx * tx * iz2 / z * by_j2
+        if abs(y / z) < limit_y:
+            by_y -= fy * iz2 * by_j5
+            by_z += 2 * fy * ty * iz2 / z * by_j5
+        else:
+            by_z += fy * ty * iz2 / z * by_j5
+        for c in range(3):
+            gradients[i, c] = pose[0, c] * by_x + pose[1, c] * by_y + pose[2, c] * by_z
+
+        w, a, b, c_, norm = _unit_quaternion(p, i)
+        r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(w, a, b, c_)
+        s0 = math.exp(2 * p[i, 3])
+        s1 = math.exp(2 * p[i, 4])
+        s2 = math.exp(2 * p[i, 5])
+        e00 = d00 * r00 + d01 * r10 + d02 * r20
+        e01 = d00 * r01 + d01 * r11 + d02 * r21
+        e02 = d00 * r02 + d01 * r12 + d02 * r22
+        e10 = d01 * r00 + d11 * r10 + d12 * r20
+        e11 = d01 * r01 + d11 * r11 + d12 * r21
+        e12 = d01 * r02 + d11 * r12 + d12 * r22
+        e20 = d02 * r00 + d12 * r10 + d22 * r20
+        e21 = d02 * r01 + d12 * r11 + d22 * r21
+        e22 = d02 * r02 + d12 * r12 + d22 * r22
+        gradients[i, 3] = 2 * s0 * (r00 * e00 + r10 * e10 + r20 * e20)
+        gradients[i, 4] = 2 * s1 * (r01 * e01 + r11 * e11 + r21 * e21)
+        gradients[i, 5] = 2 * s2 * (r02 * e02 + r12 * e12 + r22 * e22)
+        f00 = 2 * e00 * s0
+        f01 = 2 * e01 * s1
+        f02 = 2 * e02 * s2
+        f10 = 2 * e10 * s0
+        f11 = 2 * e11 * s1
+        f12 = 2 * e12 * s2
+        f20 = 2 * e20 * s0
+        f21 = 2 * e21 * s1
+        f22 = 2 * e22 * s2
+        by_w = 2 * (-c_ * f01 + b * f02 + c_ * f10 - a * f12 - b * f20 + a * f21)
+        by_a = 2 * (
+            b * f01 + c_ * f02 + b * f10 - 2 * a * f11 - w * f12 + c_ * f20 + w * f21 - 2 * a * f22
+        )
+        by_b = 2 * (
+            -2 * b * f00 + a * f01 + w * f02 + a * f10 + c_ * f12 - w * f20 + c_ * f21 - 2 * b * f22
+        )
+        by_c = 2 * (
+            -2 * c_ * f00 - w * f01 + a * f02 + w * f10 - 2 * c_ * f11 + b * f12 + a * f20 + b * f21
+        )
+        along = by_w * w + by_a * a + by_b * b + by_c * c_
+        gradients[i, 6] = (by_w - along * w) / norm
+        gradients[i, 7] = (by_a - along * a) / norm
+        gradients[i, 8] = (by_b - along * b) / norm
+        gradients[i, 9] = (by_c - along * c_) / norm
+        opacity = splats[i, 5]
+        gradients[i, 10] = by_opacity * opacity * (1 - opacity)
+
+        red = red if splats[i, 6] > 0 else 0 * red
+        green = green if splats[i, 7] > 0 else 0 * green
+        blue = blue if splats[i, 8] > 0 else 0 * blue
+        gradients[i, 11] = C0 * red
+        gradients[i, 12] = C0 * green
+        gradients[i, 13] = C0 * blue
+        if p.shape[1] > 14:
+            dx = p[i, 0] - eye0
+            dy = p[i, 1] - eye1
+            dz = p[i, 2] - eye2
+            inverse = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
+            dx *= inverse
+            dy *= inverse
+            dz *= inverse
+            for k in range(3):
+                basis = C1 * (-dy if k == 0 else (dz if k == 1 else -dx))
+                gradients[i, 14 + 3 * k] = basis * red
+                gradients[i, 15 + 3 * k] = basis * green
+                gradients[i, 16 + 3 * k] = basis * blue
+            hy = -C1 * (p[i, 14] * red + p[i, 15] * green + p[i, 16] * blue)
+            hz = C1 * (p[i, 17] * red + p[i, 18] * green + p[i, 19] * blue)
+            hx = -C1 * (p[i, 20] * red + p[i, 21] * green + p[i, 22] * blue)
+            radial = hx * dx + hy * dy + hz * dz
+            gradients[i, 0] += (hx - radial * dx) * inverse
+            gradients[i, 1] += (hy - radial * dy) * inverse
+            gradients[i, 2] += (hz - radial * dz) * inverse
+
+
+@nb.njit(cache=True, parallel=True, error_model="numpy")
+def adam_step(parameters, gradients, first, second, rates, step):
+    """Move the parameters (Kingma and Ba 2015; a gradient that is not finite counts as 0)."""
+    b1 = np.float32(0.9)
+    b2 = np.float32(0.999)
+    one = np.float32(1)
+    c1 = np.float32(1 / (1 - 0.9**step))
+    c2 = np.float32(1 / (1 - 0.999**step))
+    for i in nb.prange(parameters.shape[0]):
+        for c in range(parameters.shape[1]):
+            g = gradients[i, c]
+            if not abs(g) < np.float32(1e10):
+                g = np.float32(0)
+            m = b1 * first[i, c] + (one - b1) * g
+            s = b2 * second[i, c] + (one - b2) * g * g
+            first[i, c] = m
+            second[i, c] = s
+            parameters[i, c] -= rates[c] * m * c1 / (math.sqrt(s * c2) + np.float32(1e-15))

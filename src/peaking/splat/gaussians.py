@@ -1,0 +1,83 @@
+"""What is trained: Gaussians in the world, as 3D Gaussian splatting stores them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Bool, Float32
+
+Parameters = Float32[np.ndarray, "n columns"]
+"""One Gaussian per row: mean 3, log scale 3, quaternion 4, opacity logit, SH 3 per coefficient."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussians:
+    """Parameters before activation (Kerbl et al. 2023).
+
+    Attributes:
+        means_m: Centres in the world.
+        log_scales: Natural logarithms of the standard deviations along the own axes, in metres.
+        quaternions: world_from_own rotations as w, x, y, z, of any length but 0.
+        opacity_logits: The opacity is 1 / (1 + exp(-logit)).
+        sh: Spherical harmonics of degree 0 or 1 (1 or 4 coefficients), RGB; the colour is 0.5 plus
+            their sum for the direction from the camera, not below 0.
+    """
+
+    means_m: Float32[np.ndarray, "n 3"]
+    log_scales: Float32[np.ndarray, "n 3"]
+    quaternions: Float32[np.ndarray, "n 4"]
+    opacity_logits: Float32[np.ndarray, "n"]
+    sh: Float32[np.ndarray, "n k 3"]
+
+    def __post_init__(self) -> None:
+        if self.sh.shape[1] not in (1, 4):
+            raise ValueError(f"need 1 or 4 SH coefficients, got {self.sh.shape[1]}")
+        for field in fields(self):
+            values = getattr(self, field.name)
+            if len(values) != len(self.means_m):
+                raise ValueError(f"need {len(self.means_m)} {field.name}, got {len(values)}")
+            if not np.isfinite(values).all():
+                raise ValueError(f"need finite {field.name}, got NaN or infinity")
+
+    def __len__(self) -> int:
+        return len(self.means_m)
+
+    @property
+    def scales_m(self) -> Float32[np.ndarray, "n 3"]:
+        """Standard deviations along the own axes."""
+        return np.exp(self.log_scales)
+
+    @property
+    def opacities(self) -> Float32[np.ndarray, "n"]:
+        """Opacity of the centre, 0…1."""
+        return (1 / (1 + np.exp(-self.opacity_logits.astype(np.float64)))).astype(np.float32)
+
+    def packed(self) -> Parameters:
+        """Return all parameters as one matrix, a row for each Gaussian."""
+        return np.concatenate(
+            [
+                self.means_m,
+                self.log_scales,
+                self.quaternions,
+                self.opacity_logits[:, None],
+                self.sh.reshape(len(self), self.sh.shape[1] * 3),
+            ],
+            axis=1,
+        )
+
+    @classmethod
+    def unpacked(cls, parameters: Parameters) -> Gaussians:
+        """Return the Gaussians of a matrix that `packed` made."""
+        n, columns = parameters.shape
+        return cls(
+            means_m=parameters[:, 0:3].copy(),
+            log_scales=parameters[:, 3:6].copy(),
+            quaternions=parameters[:, 6:10].copy(),
+            opacity_logits=parameters[:, 10].copy(),
+            sh=parameters[:, 11:].reshape(n, (columns - 11) // 3, 3).copy(),
+        )
+
+    def kept(self, mask: Bool[np.ndarray, "n"]) -> Gaussians:
+        """Return those that the mask names."""
+        return Gaussians(*(getattr(self, field.name)[mask] for field in fields(self)))

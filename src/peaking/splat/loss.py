@@ -1,0 +1,51 @@
+"""What training minimises: 0.8 L1 + 0.2 (1 - SSIM), with its gradient (Kerbl et al. 2023)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+SSIM_SHARE = 0.2
+_WINDOW_PX = 11
+_SIGMA_PX = 1.5
+_C1 = 0.01**2
+_C2 = 0.03**2
+
+Picture = Float[np.ndarray, "h w 3"]
+
+
+def loss_and_gradient(rgb: Picture, photo: Picture) -> tuple[float, Picture]:
+    """Return the loss and its gradient by every value of `rgb`."""
+    similarity, by_rgb = ssim_and_gradient(rgb, photo)
+    difference = rgb - photo
+    l1 = float(np.abs(difference).mean())
+    loss = (1 - SSIM_SHARE) * l1 + SSIM_SHARE * (1 - similarity)
+    by_rgb *= -SSIM_SHARE
+    by_rgb += np.sign(difference) * ((1 - SSIM_SHARE) / rgb.size)
+    return loss, by_rgb
+
+
+def ssim_and_gradient(rgb: Picture, photo: Picture) -> tuple[float, Picture]:
+    """Return the mean SSIM (windows are cut off with zeros at the border) and its gradient."""
+    mean_x, mean_y = _blur(rgb), _blur(photo)
+    mean_xy = mean_x * mean_y
+    square_x, square_y = mean_x * mean_x, mean_y * mean_y
+    variances = _blur(rgb * rgb + photo * photo) - square_x - square_y
+    covariance = _blur(rgb * photo) - mean_xy
+    a1, a2 = 2 * mean_xy + _C1, 2 * covariance + _C2
+    b1, b2 = square_x + square_y + _C1, variances + _C2
+    inverse = 1 / (b1 * b2)
+    similarity = a1 * a2 * inverse
+    by_product = 2 * a1 * inverse
+    by_square = -similarity / b2
+    by_mean = 2 * mean_y * (a2 - a1) * inverse - 2 * mean_x * similarity * (1 / b1 - 1 / b2)
+    # The window is symmetric and cut off with zeros: its transpose is itself.
+    gradient = _blur(by_mean) + 2 * rgb * _blur(by_square) + photo * _blur(by_product)
+    gradient /= rgb.size
+    return float(similarity.mean()), gradient
+
+
+def _blur(values: Picture) -> Picture:
+    size = (_WINDOW_PX, _WINDOW_PX)
+    return cv2.GaussianBlur(values, size, _SIGMA_PX, borderType=cv2.BORDER_CONSTANT)
