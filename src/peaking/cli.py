@@ -9,7 +9,17 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 
 import tyro
 
-from peaking.commands import bench, bench_live, demo, generate, quality, render, replay, serve
+from peaking.commands import (
+    bench,
+    bench_live,
+    demo,
+    generate,
+    quality,
+    render,
+    replay,
+    serve,
+    splat,
+)
 from peaking.errors import PeakingError
 
 DESCRIPTION = """See in red, while you photograph, which pixels view synthesis still gets wrong.
@@ -21,6 +31,7 @@ Examples:
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
+  peaking splat scenes/desk --out desk.ply
   peaking quality scenes/desk
   peaking bench --json bench.json
   peaking bench live --json live.json
@@ -48,6 +59,7 @@ Commands = (
     | Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
     | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
     | Annotated[render.Render, _subcommand("render", render.Render)]
+    | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
     | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
     | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
