@@ -30,6 +30,7 @@ ORDER = [
     "output",
     "mpi_file",
     "datasets",
+    "guidance",
     "replay",
     "splat",
     "evaluate",

@@ -1,0 +1,23 @@
+"""Where to take views from: the guidance that the paper compares with, behind one interface.
+
+`scan` finds the nearest depth, `plenoptic` turns it into a spacing and a grid, `planes` and
+`hemisphere` are the other layouts that the paper names, `guide` says which targets are taken.
+"""
+
+from peaking.guidance.guide import Guide, Progress, Tolerance, progress
+from peaking.guidance.hemisphere import hemisphere
+from peaking.guidance.planes import plane_stack
+from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
+from peaking.guidance.scan import DepthScan
+
+__all__ = [
+    "DepthScan",
+    "Guide",
+    "PlenopticBound",
+    "Progress",
+    "Tolerance",
+    "hemisphere",
+    "plane_stack",
+    "plenoptic_grid",
+    "progress",
+]

@@ -1,0 +1,64 @@
+"""The scan before the first view: the least depth of the scene, z_min, while one looks around.
+
+One wrong pixel that is too near would ask for too many views, so a depth counts only when enough
+pixels of enough frames are as near.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+NEAR_SHARE = 0.01
+"""Share of a frame's known depths that may be nearer than its near depth: noise, flying pixels."""
+
+CONFIRMATIONS = 3
+"""Frames that must have seen something as near as z_min."""
+
+LEAST_KNOWN_SHARE = 0.05
+"""A frame with a smaller share of known depths says nothing."""
+
+
+class DepthScan:
+    """Finds z_min over the depth maps of a scan, one at a time.
+
+    Each map gives its near depth, the `NEAR_SHARE` quantile of what is known in it. z_min is the
+    `CONFIRMATIONS`-th smallest of them: that many maps less one may be entirely wrong. After the
+    first few maps z_min can only fall, and only what is nearest is kept.
+    """
+
+    def __init__(self, *, confirmations: int = CONFIRMATIONS) -> None:
+        """Begin a scan."""
+        if confirmations < 1:
+            raise ValueError(f"need confirmations >= 1, got {confirmations}")
+        self.confirmations = confirmations
+        self.frames = 0
+        """Maps that said something."""
+        self._nearest_m: list[float] = []
+
+    def add(self, depth_m: Float[np.ndarray, "h w"]) -> None:
+        """Look at a depth map in metres; 0 is unknown, and so is what is not finite."""
+        near_m = near_depth_m(depth_m)
+        if near_m is None:
+            return
+        self.frames += 1
+        self._nearest_m = sorted([*self._nearest_m, near_m])[: self.confirmations]
+
+    @property
+    def z_min_m(self) -> float | None:
+        """The least depth so far; None until enough maps have confirmed one."""
+        return self._nearest_m[-1] if len(self._nearest_m) == self.confirmations else None
+
+
+def near_depth_m(depth_m: Float[np.ndarray, "h w"]) -> float | None:
+    """Return the near depth of a map: of its n known ones that of rank floor(n · `NEAR_SHARE`).
+
+    Rank 0 is the smallest. None when fewer than `LEAST_KNOWN_SHARE` of the pixels are known.
+    """
+    known_m = depth_m[np.isfinite(depth_m) & (depth_m > 0)]
+    if known_m.size == 0 or known_m.size < LEAST_KNOWN_SHARE * depth_m.size:
+        return None
+    rank = math.floor(known_m.size * NEAR_SHARE)
+    return float(np.partition(known_m, rank)[rank])
