@@ -17,7 +17,11 @@ from splat.scenes_of_gaussians import cloud
 def test_what_is_written_is_read(tmp_path: Path, sh_degree: int) -> None:
     rows = cloud(17, sh_degree=sh_degree).astype(np.float32)
     write_ply(tmp_path / "a.ply", Gaussians.unpacked(rows))
-    np.testing.assert_array_equal(read_ply(tmp_path / "a.ply").packed(), rows)
+    read = read_ply(tmp_path / "a.ply").packed()
+    rows[:, 6:10] /= np.linalg.norm(rows[:, 6:10], axis=1, keepdims=True)
+    np.testing.assert_allclose(read[:, 6:10], rows[:, 6:10], atol=1e-7)
+    rest = [column for column in range(rows.shape[1]) if not 6 <= column < 10]
+    np.testing.assert_array_equal(read[:, rest], rows[:, rest])
 
 
 def test_properties_and_their_order() -> None:
@@ -33,9 +37,25 @@ def test_properties_and_their_order() -> None:
         "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
     ]  # fmt: skip
     assert [values[f"f_dc_{k}"] for k in range(3)] == [11, 12, 13]
-    # All coefficients of red, then green, then blue.
-    assert [values[f"f_rest_{k}"] for k in range(9)] == [14, 17, 20, 15, 18, 21, 16, 19, 22]
-    assert [values["opacity"], values["scale_0"], values["rot_0"]] == [10, 3, 6]
+    # All 15 coefficients of red, then green, then blue; those of degree 2 and 3 are 0.
+    assert len(names) == 62
+    rest = [values[f"f_rest_{k}"] for k in range(45)]
+    for channel, own in enumerate([[14, 17, 20], [15, 18, 21], [16, 19, 22]]):
+        assert rest[15 * channel : 15 * channel + 15] == own + [0] * 12
+    assert [values["opacity"], values["scale_0"]] == [10, 3]
+    assert values["rot_0"] == pytest.approx(6 / (6**2 + 7**2 + 8**2 + 9**2) ** 0.5)
+
+
+def test_a_file_of_degree_1_as_others_write_it(tmp_path: Path) -> None:
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *(f"f_rest_{k}" for k in range(9))]
+    names += ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+    head = ["ply", "format binary_little_endian 1.0", "comment by hand", "element vertex 1"]
+    head += [f"property float {name}" for name in names] + ["end_header", ""]
+    values = np.arange(len(names), dtype="<f4")
+    (tmp_path / "a.ply").write_bytes("\n".join(head).encode() + values.tobytes())
+    read = read_ply(tmp_path / "a.ply")
+    np.testing.assert_array_equal(read.sh[0], [[3, 4, 5], [6, 9, 12], [7, 10, 13], [8, 11, 14]])
+    np.testing.assert_array_equal(read.quaternions[0], [19, 20, 21, 22])
 
 
 @pytest.mark.parametrize(

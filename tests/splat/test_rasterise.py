@@ -10,7 +10,9 @@ import pytest
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.splat import _numpy
 from peaking.splat.gaussians import Gaussians
-from peaking.splat.rasterise import CutOffs, Tape, render
+from peaking.splat.rasterise import render
+from peaking.splat.tape import Tape
+from peaking.splat.view import CutOffs
 from splat.scenes_of_gaussians import HERE, PINHOLE, cloud, one
 
 Backend = Literal["numba", "numpy"]

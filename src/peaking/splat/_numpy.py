@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Float64
 
 from peaking.geometry import Camera
-
-if TYPE_CHECKING:
-    from peaking.splat.rasterise import CutOffs, View
-
-C0 = 0.28209479177387814
-C1 = 0.4886025119029199
-"""Real spherical harmonics of degree 0 and 1."""
-DILATION_PX2 = 0.3
-"""Added to the variance on the picture (Kerbl et al.: a Gaussian covers at least a pixel)."""
-FIELD_MARGIN = 1.3
-"""The projection is linearised within this many times the field of view."""
+from peaking.splat.view import C0, C1, DILATION_PX2, FIELD_MARGIN, CutOffs, View
 
 
 def render(parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_offs: CutOffs) -> View:
     """Render; see `peaking.splat.rasterise.render`."""
-    from peaking.splat.rasterise import View
-
     k = camera.pinhole
     cam_from_world = camera.world_from_cam.inverse()
     means = cam_from_world.apply(parameters[:, :3])
@@ -68,8 +54,10 @@ def _covariance_px2(
     )
     k = camera.pinhole
     x, y, z = in_cam_m
-    limit = FIELD_MARGIN * 0.5 * np.array([k.width_px / k.fx_px, k.height_px / k.fy_px])
-    tx, ty = np.clip([x / z, y / z], -limit, limit) * z
+    margin = 0.5 * FIELD_MARGIN * np.array(k.size_px)
+    focal, center = np.array([k.fx_px, k.fy_px]), np.array([k.cx_px, k.cy_px])
+    lowest, highest = (-margin - center) / focal, (np.array(k.size_px) + margin - center) / focal
+    tx, ty = np.clip([x / z, y / z], lowest, highest) * z
     jacobian = np.array(
         [[k.fx_px / z, 0, -k.fx_px * tx / z**2], [0, k.fy_px / z, -k.fy_px * ty / z**2]]
     )

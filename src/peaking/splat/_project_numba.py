@@ -12,13 +12,10 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
-C0 = 0.28209479177387814
-C1 = 0.4886025119029199
-DILATION_PX2 = 0.3
-FIELD_MARGIN = 1.3
-NUM_SPLAT_COLUMNS = 12
+from peaking.splat.view import C0, C1, DILATION_PX2, FIELD_MARGIN
+
+NUM_SPLAT_COLUMNS = 13
 NUM_GRADIENT_COLUMNS = 9
 
 
@@ -28,6 +25,12 @@ def _camera_point(p, i, pose):
     y = pose[1, 0] * p[i, 0] + pose[1, 1] * p[i, 1] + pose[1, 2] * p[i, 2] + pose[1, 3]
     z = pose[2, 0] * p[i, 0] + pose[2, 1] * p[i, 1] + pose[2, 2] * p[i, 2] + pose[2, 3]
     return x, y, z
+
+
+@nb.njit(cache=True, error_model="numpy", inline="always")
+def _field(focal, center, size):
+    margin = 0.5 * FIELD_MARGIN * size
+    return (-margin - center) / focal, (size + margin - center) / focal
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -74,8 +77,8 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
     """Fill `splats`; `pose` is cam_from_world 3×4, `lens` fx fy cx cy width height."""
     p = parameters
     fx, fy, cx, cy, width, height = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
-    limit_x = FIELD_MARGIN * 0.5 * width / fx
-    limit_y = FIELD_MARGIN * 0.5 * height / fy
+    left, right = _field(fx, cx, width)
+    top, bottom = _field(fy, cy, height)
     eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
     eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
     eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
@@ -87,8 +90,8 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
             continue
         u = fx * x / z + cx
         v = fy * y / z + cy
-        tx = min(limit_x, max(-limit_x, x / z)) * z
-        ty = min(limit_y, max(-limit_y, y / z)) * z
+        tx = min(right, max(left, x / z)) * z
+        ty = min(bottom, max(top, y / z)) * z
         c00, c01, c02, c11, c12, c22 = _covariance(p, i)
         j0 = fx / z
         j2 = -fx * tx / (z * z)
@@ -138,6 +141,7 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
         splats[i, 9] = z
         splats[i, 10] = rx
         splats[i, 11] = ry
+        splats[i, 12] = -0.5 * reach
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -149,9 +153,9 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
     half pictures, and a count of 1.
     """
     p = parameters
-    fx, fy, width, height = lens[0], lens[1], lens[4], lens[5]
-    limit_x = FIELD_MARGIN * 0.5 * width / fx
-    limit_y = FIELD_MARGIN * 0.5 * height / fy
+    fx, fy, cx, cy, width, height = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+    left, right = _field(fx, cx, width)
+    top, bottom = _field(fy, cy, height)
     eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
     eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
     eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
@@ -182,8 +186,8 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         screen[i, 0] += math.sqrt((gu * width * 0.5) ** 2 + (gv * height * 0.5) ** 2)
         screen[i, 1] += 1
         x, y, z = _camera_point(p, i, pose)
-        tx = min(limit_x, max(-limit_x, x / z)) * z
-        ty = min(limit_y, max(-limit_y, y / z)) * z
+        tx = min(right, max(left, x / z)) * z
+        ty = min(bottom, max(top, y / z)) * z
         # The covariance on the picture: dS = -Q G Q, with the off-diagonal of G halved.
         q0 = splats[i, 2]
         q1 = splats[i, 3]
@@ -234,12 +238,12 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         by_x = gu * fx / z
         by_y = gv * fy / z
         by_z = -gu * fx * x * iz2 - gv * fy * y * iz2 - fx * iz2 * by_j0 - fy * iz2 * by_j4
-        if abs(x / z) < limit_x:
+        if left < x / z < right:
             by_x -= fx * iz2 * by_j2
             by_z += 2 * fx * tx * iz2 / z * by_j2
         else:
             by_z += fx * tx * iz2 / z * by_j2
-        if abs(y / z) < limit_y:
+        if top < y / z < bottom:
             by_y -= fy * iz2 * by_j5
             by_z += 2 * fy * ty * iz2 / z * by_j5
         else:
@@ -317,23 +321,3 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
             gradients[i, 0] += (hx - radial * dx) * inverse
             gradients[i, 1] += (hy - radial * dy) * inverse
             gradients[i, 2] += (hz - radial * dz) * inverse
-
-
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def adam_step(parameters, gradients, first, second, rates, step):
-    """Move the parameters (Kingma and Ba 2015; a gradient that is not finite counts as 0)."""
-    b1 = np.float32(0.9)
-    b2 = np.float32(0.999)
-    one = np.float32(1)
-    c1 = np.float32(1 / (1 - 0.9**step))
-    c2 = np.float32(1 / (1 - 0.999**step))
-    for i in nb.prange(parameters.shape[0]):
-        for c in range(parameters.shape[1]):
-            g = gradients[i, c]
-            if not abs(g) < np.float32(1e10):
-                g = np.float32(0)
-            m = b1 * first[i, c] + (one - b1) * g
-            s = b2 * second[i, c] + (one - b2) * g * g
-            first[i, c] = m
-            second[i, c] = s
-            parameters[i, c] -= rates[c] * m * c1 / (math.sqrt(s * c2) + np.float32(1e-15))

@@ -11,15 +11,17 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-TILE_PX = 16
+TILE_WIDTH_PX = 16
+TILE_HEIGHT_PX = 16
+W = TILE_WIDTH_PX
 LOWEST_POWER = -30.0
 """exp is a polynomial, good to 4e-6 above -6 and never below 0; less than e^-30 is nothing."""
 
 
 @nb.njit(cache=True)
-def _span(center, radius, tiles):
-    first = max(0, int(np.floor((center - radius) / TILE_PX)))
-    last = min(tiles - 1, int(np.floor((center + radius) / TILE_PX)))
+def _span(center, radius, size, tiles):
+    first = max(0, int(np.floor((center - radius) / size)))
+    last = min(tiles - 1, int(np.floor((center + radius) / size)))
     return first, last
 
 
@@ -33,8 +35,8 @@ def bin_tiles(order, splats, columns, rows):
     tile_starts = np.zeros(rows * columns + 1, np.int64)
     starts = np.zeros(splats.shape[0] + 1, np.int64)
     for i in order:
-        x0, x1 = _span(splats[i, 0], splats[i, 10], columns)
-        y0, y1 = _span(splats[i, 1], splats[i, 11], rows)
+        x0, x1 = _span(splats[i, 0], splats[i, 10], TILE_WIDTH_PX, columns)
+        y0, y1 = _span(splats[i, 1], splats[i, 11], TILE_HEIGHT_PX, rows)
         starts[i + 1] = max(0, x1 - x0 + 1) * max(0, y1 - y0 + 1)
         for ty in range(y0, y1 + 1):
             for tx in range(x0, x1 + 1):
@@ -45,8 +47,8 @@ def bin_tiles(order, splats, columns, rows):
     slots = np.empty(tile_starts[-1], np.int32)
     cursor = tile_starts[:-1].copy()
     for i in order:
-        x0, x1 = _span(splats[i, 0], splats[i, 10], columns)
-        y0, y1 = _span(splats[i, 1], splats[i, 11], rows)
+        x0, x1 = _span(splats[i, 0], splats[i, 10], TILE_WIDTH_PX, columns)
+        y0, y1 = _span(splats[i, 1], splats[i, 11], TILE_HEIGHT_PX, rows)
         slot = starts[i]
         for ty in range(y0, y1 + 1):
             for tx in range(x0, x1 + 1):
@@ -71,6 +73,13 @@ def _exp(power):
     return e * e
 
 
+@nb.njit(cache=True, inline="always")
+def _reaches(a, b, c, dx, dy, lowest):
+    """Say whether a row of pixels, from dx to the right, meets the ellipse."""
+    nearest = min(dx, max(dx - np.float32(TILE_WIDTH_PX - 1), -b * dy / (a + a)))
+    return (a * nearest + b * dy) * nearest + c * dy * dy >= lowest
+
+
 @nb.njit(cache=True, parallel=True, fastmath=True, error_model="numpy")
 def composite(tile_order, tile_starts, entries, splats, background, limits, picture, left, last):
     """Fill `picture` (r, g, b, depth × weight), transmittance and one past the last entry.
@@ -78,55 +87,63 @@ def composite(tile_order, tile_starts, entries, splats, background, limits, pict
     `limits`: smallest and largest alpha, and the transmittance below which a pixel is done.
     """
     height, width = left.shape
-    columns = (width + TILE_PX - 1) // TILE_PX
+    columns = (width + TILE_WIDTH_PX - 1) // TILE_WIDTH_PX
     half = np.float32(0.5)
     zero = np.float32(0)
     alpha_min, alpha_max, opaque = limits[0], limits[1], limits[2]
     for place in nb.prange(tile_order.size):
         t = tile_order[place]
-        y0 = (t // columns) * TILE_PX
-        x0 = (t % columns) * TILE_PX
+        y0 = (t // columns) * TILE_HEIGHT_PX
+        x0 = (t % columns) * TILE_WIDTH_PX
         x_half = np.float32(x0) + half
-        through = np.ones((TILE_PX, TILE_PX), splats.dtype)
-        out = np.zeros((4, TILE_PX, TILE_PX), splats.dtype)
-        ends = np.zeros((TILE_PX, TILE_PX), np.int32)
+        state = np.zeros((TILE_HEIGHT_PX, 6, W), splats.dtype)
+        for j in range(TILE_HEIGHT_PX):
+            for i in range(W):
+                state[j, 0, i] = 1
         for k in range(tile_starts[t], tile_starts[t + 1]):
-            if (k - tile_starts[t]) % 32 == 31 and through.max() < opaque:
-                break
+            if (k - tile_starts[t]) % 32 == 31:
+                most = zero
+                for j in range(TILE_HEIGHT_PX):
+                    for i in range(W):
+                        most = max(most, state[j, 0, i])
+                if most < opaque:
+                    break
             s = splats[entries[k]]
             u = s[0] - x_half
             v = s[1]
             a = -half * s[2]
             b = -s[3]
             c = -half * s[4]
-            opacity, red, green, blue, depth = s[5], s[6], s[7], s[8], s[9]
+            opacity, red, green, blue, depth, lowest = s[5], s[6], s[7], s[8], s[9], s[12]
             j0 = max(0, int(v - s[11]) - y0)
-            j1 = min(TILE_PX, int(v + s[11]) + 1 - y0)
-            end = np.int32(k + 1)
+            j1 = min(TILE_HEIGHT_PX, int(v + s[11]) + 1 - y0)
+            end = splats.dtype.type(k + 1 - tile_starts[t])
             for j in range(j0, j1):
                 dy = v - np.float32(y0 + j) - half
+                if not _reaches(a, b, c, u, dy, lowest):
+                    continue
                 cy = c * dy * dy
                 by = b * dy
-                for i in range(TILE_PX):
+                for i in range(W):
                     dx = u - np.float32(i)
                     alpha = min(alpha_max, opacity * _exp(a * dx * dx + by * dx + cy))
-                    t0 = through[j, i]
+                    t0 = state[j, 0, i]
                     alpha = alpha if (alpha >= alpha_min and t0 >= opaque) else zero
                     w = alpha * t0
-                    out[0, j, i] += w * red
-                    out[1, j, i] += w * green
-                    out[2, j, i] += w * blue
-                    out[3, j, i] += w * depth
-                    through[j, i] = t0 - w
-                    ends[j, i] = end if alpha > zero else ends[j, i]
-        for j in range(min(TILE_PX, height - y0)):
-            for i in range(min(TILE_PX, width - x0)):
-                t0 = through[j, i]
+                    state[j, 1, i] += w * red
+                    state[j, 2, i] += w * green
+                    state[j, 3, i] += w * blue
+                    state[j, 4, i] += w * depth
+                    state[j, 0, i] = t0 - w
+                    state[j, 5, i] = end if alpha > zero else state[j, 5, i]
+        for j in range(min(TILE_HEIGHT_PX, height - y0)):
+            for i in range(min(TILE_WIDTH_PX, width - x0)):
+                t0 = state[j, 0, i]
                 for c in range(3):
-                    picture[y0 + j, x0 + i, c] = out[c, j, i] + t0 * background[c]
-                picture[y0 + j, x0 + i, 3] = out[3, j, i]
+                    picture[y0 + j, x0 + i, c] = state[j, c + 1, i] + t0 * background[c]
+                picture[y0 + j, x0 + i, 3] = state[j, 4, i]
                 left[y0 + j, x0 + i] = t0
-                last[y0 + j, x0 + i] = ends[j, i]
+                last[y0 + j, x0 + i] = np.int32(state[j, 5, i])
 
 
 @nb.njit(cache=True, parallel=True, fastmath=True, error_model="numpy")
@@ -145,34 +162,36 @@ def composite_backward(
 ):
     """Fill `by_entry` (all rows) from the loss's gradient by r, g, b of every pixel."""
     height, width = left.shape
-    columns = (width + TILE_PX - 1) // TILE_PX
+    columns = (width + TILE_WIDTH_PX - 1) // TILE_WIDTH_PX
     one = np.float32(1)
     half = np.float32(0.5)
     zero = np.float32(0)
     alpha_min, alpha_max = limits[0], limits[1]
     for place in nb.prange(tile_order.size):
         t = tile_order[place]
-        y0 = (t // columns) * TILE_PX
-        x0 = (t % columns) * TILE_PX
+        y0 = (t // columns) * TILE_HEIGHT_PX
+        x0 = (t % columns) * TILE_WIDTH_PX
         x_half = np.float32(x0) + half
-        through = np.ones((TILE_PX, TILE_PX), splats.dtype)
-        behind = np.zeros((TILE_PX, TILE_PX), splats.dtype)
-        by = np.zeros((3, TILE_PX, TILE_PX), splats.dtype)
-        ends = np.zeros((TILE_PX, TILE_PX), np.int32)
-        furthest = np.int32(0)
-        for j in range(min(TILE_PX, height - y0)):
-            for i in range(min(TILE_PX, width - x0)):
-                through[j, i] = left[y0 + j, x0 + i]
-                ends[j, i] = last[y0 + j, x0 + i]
-                furthest = max(furthest, ends[j, i])
+        # Rows of: through, behind, gradients by red, green and blue, end; then the sums by column.
+        state = np.zeros((TILE_HEIGHT_PX, 6, W), splats.dtype)
+        sums = np.zeros((7, W), splats.dtype)
+        furthest = 0
+        for j in range(TILE_HEIGHT_PX):
+            for i in range(W):
+                state[j, 0, i] = 1
+        for j in range(min(TILE_HEIGHT_PX, height - y0)):
+            for i in range(min(TILE_WIDTH_PX, width - x0)):
+                state[j, 0, i] = left[y0 + j, x0 + i]
+                state[j, 5, i] = last[y0 + j, x0 + i]
+                furthest = max(furthest, last[y0 + j, x0 + i])
                 for c in range(3):
-                    by[c, j, i] = by_picture[y0 + j, x0 + i, c]
-                    behind[j, i] += through[j, i] * background[c] * by[c, j, i]
-        for k in range(tile_starts[t], tile_starts[t + 1]):
-            if k >= furthest:
-                for c in range(9):
-                    by_entry[slots[k], c] = 0
-        for k in range(min(np.int64(furthest), tile_starts[t + 1]) - 1, tile_starts[t] - 1, -1):
+                    g = by_picture[y0 + j, x0 + i, c]
+                    state[j, 2 + c, i] = g
+                    state[j, 1, i] += left[y0 + j, x0 + i] * background[c] * g
+        for k in range(tile_starts[t] + furthest, tile_starts[t + 1]):
+            for c in range(9):
+                by_entry[slots[k], c] = 0
+        for k in range(tile_starts[t] + furthest - 1, tile_starts[t] - 1, -1):
             s = splats[entries[k]]
             u = s[0] - x_half
             v = s[1]
@@ -180,65 +199,75 @@ def composite_backward(
             a = -half * q0
             b = -q1
             c = -half * q2
-            opacity, red, green, blue = s[5], s[6], s[7], s[8]
+            opacity, red, green, blue, lowest = s[5], s[6], s[7], s[8], s[12]
             j0 = max(0, int(v - s[11]) - y0)
-            j1 = min(TILE_PX, int(v + s[11]) + 1 - y0)
-            index = np.int32(k)
-            g0 = zero
-            g1 = zero
-            g2 = zero
-            g3 = zero
-            g4 = zero
-            g5 = zero
-            g6 = zero
-            g7 = zero
-            g8 = zero
+            j1 = min(TILE_HEIGHT_PX, int(v + s[11]) + 1 - y0)
+            index = splats.dtype.type(k - tile_starts[t])
+            sums[:] = 0
             for j in range(j0, j1):
                 dy = v - np.float32(y0 + j) - half
+                if not _reaches(a, b, c, u, dy, lowest):
+                    continue
                 cy = c * dy * dy
                 by_row = b * dy
-                m0 = zero
-                m1 = zero
-                m2 = zero
-                for i in range(TILE_PX):
+                for i in range(W):
                     dx = u - np.float32(i)
                     e = _exp(a * dx * dx + by_row * dx + cy)
                     raw = opacity * e
                     alpha = min(alpha_max, raw)
-                    counts = alpha >= alpha_min and index < ends[j, i]
+                    counts = alpha >= alpha_min and index < state[j, 5, i]
                     alpha = alpha if counts else zero
                     inverse = one / (one - alpha)
-                    t0 = through[j, i] * inverse
-                    through[j, i] = t0
+                    t0 = state[j, 0, i] * inverse
+                    state[j, 0, i] = t0
                     w = alpha * t0
-                    d0 = by[0, j, i]
-                    d1 = by[1, j, i]
-                    d2 = by[2, j, i]
+                    d0 = state[j, 2, i]
+                    d1 = state[j, 3, i]
+                    d2 = state[j, 4, i]
                     own = red * d0 + green * d1 + blue * d2
-                    rest = behind[j, i]
+                    rest = state[j, 1, i]
                     by_alpha = t0 * own - rest * inverse
-                    behind[j, i] = rest + w * own
+                    state[j, 1, i] = rest + w * own
                     by_alpha = by_alpha if (counts and raw <= alpha_max) else zero
-                    g0 += w * d0
-                    g1 += w * d1
-                    g2 += w * d2
-                    g3 += by_alpha * e
+                    sums[0, i] += w * d0
+                    sums[1, i] += w * d1
+                    sums[2, i] += w * d2
+                    sums[3, i] += by_alpha * e
                     by_power = by_alpha * alpha
-                    m0 += by_power
-                    m1 += by_power * dx
-                    m2 += by_power * dx * dx
-                g4 -= q0 * m1 + q1 * dy * m0
-                g5 -= q2 * dy * m0 + q1 * m1
-                g6 -= half * m2
-                g7 -= dy * m1
-                g8 -= half * dy * dy * m0
-            row = by_entry[slots[k]]
-            row[0] = g0
-            row[1] = g1
-            row[2] = g2
-            row[3] = g3
-            row[4] = g4
-            row[5] = g5
-            row[6] = g6
-            row[7] = g7
-            row[8] = g8
+                    sums[4, i] += by_power
+                    sums[5, i] += by_power * dy
+                    sums[6, i] += by_power * dy * dy
+            g0 = zero
+            g1 = zero
+            g2 = zero
+            g3 = zero
+            m00 = zero
+            m10 = zero
+            m20 = zero
+            m01 = zero
+            m11 = zero
+            m02 = zero
+            for i in range(W):
+                dx = u - np.float32(i)
+                g0 += sums[0, i]
+                g1 += sums[1, i]
+                g2 += sums[2, i]
+                g3 += sums[3, i]
+                p0 = sums[4, i]
+                p1 = sums[5, i]
+                m00 += p0
+                m10 += p0 * dx
+                m20 += p0 * dx * dx
+                m01 += p1
+                m11 += p1 * dx
+                m02 += sums[6, i]
+            out = by_entry[slots[k]]
+            out[0] = g0
+            out[1] = g1
+            out[2] = g2
+            out[3] = g3
+            out[4] = -q0 * m10 - q1 * m01
+            out[5] = -q2 * m01 - q1 * m10
+            out[6] = -half * m20
+            out[7] = -m11
+            out[8] = -half * m02

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 SSIM_SHARE = 0.2
-_WINDOW_PX = 11
-_SIGMA_PX = 1.5
-_C1 = 0.01**2
-_C2 = 0.03**2
+SSIM_WINDOW_PX = 11
+SSIM_SIGMA_PX = 1.5
+SSIM_C1 = 0.01**2
+SSIM_C2 = 0.03**2
 
 Picture = Float[np.ndarray, "h w 3"]
 
@@ -33,8 +33,8 @@ def ssim_and_gradient(rgb: Picture, photo: Picture) -> tuple[float, Picture]:
     square_x, square_y = mean_x * mean_x, mean_y * mean_y
     variances = _blur(rgb * rgb + photo * photo) - square_x - square_y
     covariance = _blur(rgb * photo) - mean_xy
-    a1, a2 = 2 * mean_xy + _C1, 2 * covariance + _C2
-    b1, b2 = square_x + square_y + _C1, variances + _C2
+    a1, a2 = 2 * mean_xy + SSIM_C1, 2 * covariance + SSIM_C2
+    b1, b2 = square_x + square_y + SSIM_C1, variances + SSIM_C2
     inverse = 1 / (b1 * b2)
     similarity = a1 * a2 * inverse
     by_product = 2 * a1 * inverse
@@ -47,5 +47,5 @@ def ssim_and_gradient(rgb: Picture, photo: Picture) -> tuple[float, Picture]:
 
 
 def _blur(values: Picture) -> Picture:
-    size = (_WINDOW_PX, _WINDOW_PX)
-    return cv2.GaussianBlur(values, size, _SIGMA_PX, borderType=cv2.BORDER_CONSTANT)
+    size = (SSIM_WINDOW_PX, SSIM_WINDOW_PX)
+    return cv2.GaussianBlur(values, size, SSIM_SIGMA_PX, borderType=cv2.BORDER_CONSTANT)

@@ -1,7 +1,8 @@
 """The .ply file of 3D Gaussian splatting, with the property names and order of Kerbl et al.
 
-Binary, little endian, float32: x y z, normals (0), f_dc_0…2, f_rest_* (all coefficients of red,
-then of green, then of blue), opacity (logit), scale_0…2 (logarithms), rot_0…3 (w x y z).
+Binary, little endian, float32: x y z, normals (0), f_dc_0…2, f_rest_0…44 (all coefficients of red,
+then of green, then of blue; those above our degree are 0, since some viewers read files of degree 3
+only), opacity (logit), scale_0…2 (logarithms), rot_0…3 (w x y z, of length 1).
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ import numpy as np
 from peaking.output import write_atomically
 from peaking.splat.errors import SplatFileError
 from peaking.splat.gaussians import Gaussians
+
+NUM_REST = 15
+"""Coefficients per channel of the degrees 1 to 3."""
 
 
 def write_ply(path: Path, gaussians: Gaussians) -> None:
@@ -27,17 +31,19 @@ def write_ply(path: Path, gaussians: Gaussians) -> None:
 def encode_ply(gaussians: Gaussians) -> bytes:
     """Return the bytes of the file."""
     n, coefficients = gaussians.sh.shape[:2]
-    rest = gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(n, 3 * (coefficients - 1))
-    names = _names(coefficients)
+    rest = np.zeros((n, 3, NUM_REST), np.float32)
+    rest[:, :, : coefficients - 1] = gaussians.sh[:, 1:].transpose(0, 2, 1)
+    length = np.linalg.norm(gaussians.quaternions, axis=1, keepdims=True)
+    names = _names(NUM_REST)
     values = np.concatenate(
         [
             gaussians.means_m,
             np.zeros((n, 3), np.float32),
             gaussians.sh[:, 0],
-            rest,
+            rest.reshape(n, 3 * NUM_REST),
             gaussians.opacity_logits[:, None],
             gaussians.log_scales,
-            gaussians.quaternions,
+            gaussians.quaternions / np.maximum(length, np.float32(1e-12)),
         ],
         axis=1,
     )
@@ -48,7 +54,7 @@ def encode_ply(gaussians: Gaussians) -> bytes:
 
 
 def read_ply(path: Path) -> Gaussians:
-    """Read a file of this form; coefficients above degree 1 are left out.
+    """Read a file of this form, of any degree; coefficients above degree 1 are left out.
 
     Raises:
         SplatFileError: It is not such a file, lacks a property, is cut off or holds NaN.
@@ -73,7 +79,7 @@ def read_ply(path: Path) -> Gaussians:
                 pass
             case _:
                 raise SplatFileError(f"{path}: does not hold Gaussians: {line.strip()!r}")
-    missing = [name for name in _names(1) if name not in names and name not in ("nx", "ny", "nz")]
+    missing = [name for name in _names(0) if name not in names and name not in ("nx", "ny", "nz")]
     if n < 0 or missing:
         raise SplatFileError(f"{path}: lacks {', '.join(missing) or 'vertices'}; not a splat file")
     if len(body) != 4 * n * len(names):
@@ -92,7 +98,8 @@ def _gaussians(path: Path, columns: dict[str, np.ndarray]) -> Gaussians:
     per_channel = num_rest // 3
     if per_channel >= 3:
         rest = of(*(f"f_rest_{c * per_channel + k}" for c in range(3) for k in range(3)))
-        sh = np.concatenate([sh, rest.reshape(-1, 3, 3).transpose(0, 2, 1)], axis=1)
+        if rest.any():
+            sh = np.concatenate([sh, rest.reshape(-1, 3, 3).transpose(0, 2, 1)], axis=1)
     try:
         return Gaussians(
             means_m=of("x", "y", "z"),
@@ -105,8 +112,9 @@ def _gaussians(path: Path, columns: dict[str, np.ndarray]) -> Gaussians:
         raise SplatFileError(f"{path}: {error}") from error
 
 
-def _names(coefficients: int) -> list[str]:
-    rest = [f"f_rest_{k}" for k in range(3 * (coefficients - 1))]
+def _names(num_rest: int) -> list[str]:
+    """Return all properties for so many coefficients per channel above degree 0."""
+    rest = [f"f_rest_{k}" for k in range(3 * num_rest)]
     scale = [f"scale_{k}" for k in range(3)]
     rotation = [f"rot_{k}" for k in range(4)]
     dc = [f"f_dc_{k}" for k in range(3)]

@@ -12,17 +12,27 @@ from jaxtyping import Float32, Float64, UInt8
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
 
-SWEEP_PIXELS = 8000
-SWEEP_PLANES = 64
-SWEEP_NEIGHBOURS = 4
+SEED_PIXELS = 8000
+"""Every picture is looked at so small."""
+FEWEST_POINTS = 100
+"""With fewer, nothing was found."""
+MOST_POINTS = 400_000
+"""More are thinned at random before they are thinned with care."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Coloured points on surfaces: places in the world, and RGB in 0…1."""
+    """Coloured points on surfaces.
+
+    Attributes:
+        places_m: In the world.
+        rgb: Colours in 0…1.
+        pixel_m: How much of the surface one pixel of a small picture covered.
+    """
 
     places_m: Float64[np.ndarray, "n 3"]
     rgb: Float32[np.ndarray, "n 3"]
+    pixel_m: Float64[np.ndarray, "n"]
 
     def __len__(self) -> int:
         return len(self.places_m)
@@ -33,131 +43,107 @@ class Points:
         return cls(
             np.concatenate([np.zeros((0, 3)), *(part.places_m for part in parts)]),
             np.concatenate([np.zeros((0, 3), np.float32), *(part.rgb for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.pixel_m for part in parts)]),
         )
+
+    @classmethod
+    def seen(
+        cls, frame: Frame, depth_m: Float64[np.ndarray, "h w"] | Float32[np.ndarray, "h w"]
+    ) -> Points:
+        """Return the points of the pixels of a picture whose depth is known (finite, not 0)."""
+        known = np.isfinite(depth_m) & (depth_m > 0)
+        pinhole = frame.camera.pinhole
+        distance_m = depth_m[known].astype(np.float64)
+        in_cam_m = pinhole.rays()[known] * distance_m[:, None]
+        return cls(
+            frame.camera.world_from_cam.apply(in_cam_m),
+            unit(frame.rgb)[known],
+            distance_m / pinhole.fx_px,
+        )
+
+    def chosen(self, indices: np.ndarray) -> Points:
+        """Return those that are named."""
+        return Points(self.places_m[indices], self.rgb[indices], self.pixel_m[indices])
 
 
 def seed_points(frames: Sequence[Frame], count: int, rng: np.random.Generator) -> Points:
-    """Return about `count` points on surfaces (fewer where there are fewer).
-
-    Frames with depth give theirs; without any depth, each frame is compared with its nearest
-    others over a range of distances, and pixels where the best distance stands out are kept.
-    """
-    small = [_small(frame) for frame in frames]
-    found: list[Points] = []
-    with_depth = [frame for frame in small if frame.depth_m is not None]
-    if with_depth:
-        found = [_from_depth(frame) for frame in with_depth]
-    elif len(frames) > 1:
-        near_m, far_m = _range_m([frame.camera for frame in frames])
-        found = [_swept(i, small, near_m, far_m) for i in range(len(small))]
-    points = Points.joined(found)
-    if len(points) < 100:
-        points = _in_frusta(small, count, rng)
+    """Return at most `count` points on surfaces; where none are found, random ones in view."""
+    points = surface_points(frames)
+    if len(points) < FEWEST_POINTS:
+        points = _strewn([_small(frame) for frame in frames], count, rng)
     return thinned(points, count, rng)
 
 
-def _small(frame: Frame) -> Frame:
-    width, height = working_size_px(*frame.camera.pinhole.size_px, pixels=SWEEP_PIXELS)
-    return frame.resized(width, height)
+def surface_points(frames: Sequence[Frame]) -> Points:
+    """Return points on surfaces, many or none.
 
+    Frames with depth give theirs; without any depth, each frame is compared with others over a
+    range of distances (`sweep.py`).
+    """
+    small = [_small(frame) for frame in frames]
+    with_depth = [frame for frame in small if frame.depth_m is not None]
+    if with_depth:
+        return Points.joined([Points.seen(one, _depth_of_picture_m(one)) for one in with_depth])
+    from peaking.splat.sweep import swept_depths_m
 
-def _from_depth(frame: Frame) -> Points:
-    height, width = frame.rgb.shape[:2]
-    stored_m = np.asarray(frame.depth_m)
-    depth_m = cv2.resize(stored_m, (width, height), interpolation=cv2.INTER_NEAREST)
-    known = np.isfinite(depth_m) & (depth_m > 0)
-    points_m = frame.camera.pinhole.rays()[known] * depth_m[known][:, None]
-    return Points(frame.camera.world_from_cam.apply(points_m), _unit(frame.rgb)[known])
-
-
-def _range_m(cameras: Sequence[Camera]) -> tuple[float, float]:
-    """Return the distances to look at, from where the optical axes come nearest each other."""
-    positions = np.array([camera.position_m for camera in cameras])
-    spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
-    across = [np.eye(3) - np.outer(camera.forward, camera.forward) for camera in cameras]
-    total = np.sum(across, axis=0)
-    right = np.sum([a @ p for a, p in zip(across, positions, strict=True)], axis=0)
-    focus = np.linalg.lstsq(total, right, rcond=1e-3)[0]
-    ahead = [float((focus - camera.position_m) @ camera.forward) for camera in cameras]
-    middle = float(np.median(ahead))
-    if not middle > 0.5 * spread:
-        middle = max(2 * spread, 0.5)
-    return 0.2 * middle, 6.0 * middle
-
-
-def _swept(index: int, frames: Sequence[Frame], near_m: float, far_m: float) -> Points:
-    """Return where a frame's pixels look alike in its nearest others (Collins 1996)."""
-    here = frames[index]
-    height, width = here.rgb.shape[:2]
-    eye = here.camera.position_m
-    apart = [float(np.linalg.norm(frame.camera.position_m - eye)) for frame in frames]
-    facing = [float(frame.camera.forward @ here.camera.forward) for frame in frames]
-    usable = [i for i in np.argsort(apart) if i != index and apart[i] > 0 and facing[i] > 0.5]
-    others = [frames[int(i)] for i in usable[:SWEEP_NEIGHBOURS]]
-    if not others:
-        return Points.joined([])
-    photo = _unit(here.rgb)
-    depths_m = 1 / np.linspace(1 / near_m, 1 / far_m, SWEEP_PLANES)
-    costs = np.empty((SWEEP_PLANES, height, width), np.float32)
-    for plane, depth_m in enumerate(depths_m):
-        each = [_difference(photo, here.camera, other, float(depth_m)) for other in others]
-        best = np.sort(np.stack(each), axis=0)[: max(1, len(each) // 2)]
-        costs[plane] = best.mean(axis=0)
-    plane = costs.argmin(axis=0)
-    lowest = costs.min(axis=0)
-    kept = (lowest < 0.06) & (lowest < 0.5 * np.median(costs, axis=0))
-    kept &= (plane > 0) & (plane < SWEEP_PLANES - 1)
-    points_m = here.camera.pinhole.rays()[kept] * depths_m[plane[kept]][:, None]
-    return Points(here.camera.world_from_cam.apply(points_m), photo[kept])
-
-
-def _difference(
-    photo: Float32[np.ndarray, "h w 3"], camera: Camera, other: Frame, depth_m: float
-) -> Float32[np.ndarray, "h w"]:
-    """Return how unlike the other picture is, seen by way of a plane; 1 outside of it."""
-    other_from_here = other.camera.world_from_cam.inverse() @ camera.world_from_cam
-    normal = np.array([[0.0, 0.0, 1 / depth_m]])
-    plane = other_from_here.rotation + other_from_here.translation_m[:, None] @ normal
-    # OpenCV counts pixels from the centre of the first one.
-    to_corner = np.array([[1.0, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
-    homography = np.linalg.inv(to_corner) @ other.camera.pinhole.px_from_cam
-    homography = homography @ plane @ camera.pinhole.cam_from_px @ to_corner
-    size = photo.shape[1], photo.shape[0]
-    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    seen = cv2.warpPerspective(_unit(other.rgb), homography, size, flags=how, borderValue=(9, 9, 9))
-    difference = np.minimum(np.abs(seen - photo).mean(axis=2), 1.0)
-    return cv2.blur(difference, (5, 5))
-
-
-def _in_frusta(frames: Sequence[Frame], count: int, rng: np.random.Generator) -> Points:
-    """Return points at random pixels and random disparities."""
-    near_m, far_m = _range_m([frame.camera for frame in frames])
-    found: list[Points] = []
-    for frame in frames:
-        each = -(-count // len(frames))
-        pixels = rng.integers(0, frame.rgb.shape[0] * frame.rgb.shape[1], each)
-        depth_m = 1 / rng.uniform(1 / far_m, 1 / near_m, each)
-        rays = frame.camera.pinhole.rays().reshape(-1, 3)[pixels]
-        places_m = frame.camera.world_from_cam.apply(rays * depth_m[:, None])
-        found.append(Points(places_m, _unit(frame.rgb).reshape(-1, 3)[pixels]))
-    return Points.joined(found)
+    depths_m = swept_depths_m(small)
+    return Points.joined([Points.seen(*one) for one in zip(small, depths_m, strict=True)])
 
 
 def thinned(points: Points, count: int, rng: np.random.Generator) -> Points:
-    """Return one point for each occupied voxel, with voxels so large that about `count` are."""
+    """Return at most `count`, as densely on every surface as the nearest pictures see it.
+
+    One point is kept in each occupied voxel; a voxel is as wide as so many pixels were there.
+    """
     if len(points) <= count:
         return points
-    low, high = np.percentile(points.places_m, [1, 99], axis=0)
-    side = float(np.max(high - low)) / 1000 + 1e-9
-    while True:
-        cells = np.floor(points.places_m / side).astype(np.int64)
-        first = np.unique(cells, axis=0, return_index=True)[1]
-        if len(first) <= 1.3 * count:
-            break
-        side *= 1.2
-    chosen = rng.permutation(first)[:count]
-    return Points(points.places_m[chosen], points.rgb[chosen])
+    points = points.chosen(rng.permutation(len(points))[:MOST_POINTS])
+    first = np.arange(len(points))
+    pixels = 1.0
+    while len(first) > 1.2 * count:
+        level = np.round(np.log2(points.pixel_m * pixels)).astype(np.int64)
+        cells = np.floor(points.places_m / np.exp2(level)[:, None]).astype(np.int64)
+        key = (cells * np.array([73856093, 19349663, 83492791])).sum(axis=1) ^ (level * 49979687)
+        first = np.unique(key, return_index=True)[1]
+        pixels *= 1.19
+    return points.chosen(np.sort(rng.permutation(first)[:count]))
 
 
-def _unit(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
+def unit(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
+    """Return colours in 0…1."""
     return rgb.astype(np.float32) / np.float32(255)
+
+
+def looked_at_m(cameras: Sequence[Camera]) -> float:
+    """Return how far off what the cameras look at is: where their axes come nearest each other."""
+    positions = np.array([camera.position_m for camera in cameras])
+    spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
+    across = [np.eye(3) - np.outer(camera.forward, camera.forward) for camera in cameras]
+    right = np.sum([a @ p for a, p in zip(across, positions, strict=True)], axis=0)
+    focus = np.linalg.lstsq(np.sum(across, axis=0), right, rcond=1e-3)[0]
+    ahead = [float((focus - camera.position_m) @ camera.forward) for camera in cameras]
+    middle = float(np.median(ahead))
+    return middle if middle > 0.5 * spread else max(2 * spread, 0.5)
+
+
+def _small(frame: Frame) -> Frame:
+    width, height = working_size_px(*frame.camera.pinhole.size_px, pixels=SEED_PIXELS)
+    return frame.resized(width, height)
+
+
+def _depth_of_picture_m(frame: Frame) -> Float32[np.ndarray, "h w"]:
+    height, width = frame.rgb.shape[:2]
+    stored_m = np.asarray(frame.depth_m)
+    return cv2.resize(stored_m, (width, height), interpolation=cv2.INTER_NEAREST)
+
+
+def _strewn(frames: Sequence[Frame], count: int, rng: np.random.Generator) -> Points:
+    """Return points at random pixels and random disparities."""
+    middle_m = looked_at_m([frame.camera for frame in frames])
+    found: list[Points] = []
+    for frame in frames:
+        shape = frame.rgb.shape[:2]
+        depth_m = middle_m / rng.uniform(0.2, 5.0, shape)
+        depth_m[rng.random(shape) * depth_m.size > -(-count // len(frames))] = 0
+        found.append(Points.seen(frame, depth_m))
+    return Points.joined(found)

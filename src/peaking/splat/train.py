@@ -1,9 +1,10 @@
-"""Training Gaussians on posed pictures (Kerbl et al. 2023, on the CPU)."""
+"""Training Gaussians on posed pictures (Kerbl et al. 2023): the schedule, for every backend."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -11,54 +12,16 @@ from jaxtyping import Float32, Float64
 
 from peaking.frame import Frame
 from peaking.geometry import Camera
-from peaking.splat import _project_numba
+from peaking.splat.densify import densify
 from peaking.splat.gaussians import Gaussians, Parameters
-from peaking.splat.loss import loss_and_gradient
-from peaking.splat.rasterise import CutOffs, Tape
+from peaking.splat.optimiser import Moments, Optimiser
+from peaking.splat.options import SplatOptions
 from peaking.splat.seeds import Points, seed_points, thinned
+from peaking.splat.view import C0
 
+__all__ = ["Backend", "SplatOptions", "Step", "Trainer", "train"]
 
-@dataclass(frozen=True)
-class SplatOptions:
-    """How to train; rates are Adam's, per step."""
-
-    iterations: int = 2000
-    """Pictures looked at."""
-    seed: int = 0
-    """Of the order of pictures and of where Gaussians split."""
-    seed_count: int = 12000
-    """Points to start from, at most."""
-    max_count: int = 60000
-    """Gaussians at most; bounds time and memory."""
-    sh_degree: int = 1
-    """0: the same colour from everywhere; 1: brighter from one side."""
-    coarse_share: float = 0.2
-    """Share of the steps at half the size."""
-    position_rate: float = 1.6e-4
-    """In extents of the cameras; falls exponentially to a hundredth."""
-    scale_rate: float = 5e-3
-    rotation_rate: float = 1e-3
-    opacity_rate: float = 5e-2
-    colour_rate: float = 5e-3
-    direction_rate: float = 2.5e-4
-    densify_every: int = 100
-    densify_from: float = 0.1
-    densify_until: float = 0.6
-    """Shares of the steps."""
-    densify_gradient: float = 4e-4
-    """Mean gradient by the position (in half pictures) above which one becomes two."""
-    split_size: float = 0.01
-    """In extents of the cameras: larger ones are split, smaller ones are doubled."""
-    prune_opacity: float = 0.005
-    cut_offs: CutOffs = field(default_factory=CutOffs)
-
-    def __post_init__(self) -> None:
-        if self.iterations < 1 or self.seed_count < 1 or self.max_count < 1:
-            raise ValueError("need iterations, seed_count and max_count of at least 1")
-        if self.sh_degree not in (0, 1):
-            raise ValueError(f"need an sh_degree of 0 or 1, got {self.sh_degree}")
-        if not (0 <= self.coarse_share <= 1 and self.densify_every > 0):
-            raise ValueError("need 0 <= coarse_share <= 1 and densify_every > 0")
+Backend = Literal["numba", "gsplat"]
 
 
 @dataclass(frozen=True)
@@ -75,21 +38,25 @@ def train(
     options: SplatOptions,
     *,
     points: Points | None = None,
+    backend: Backend = "numba",
     progress: Callable[[Step], None] | None = None,
 ) -> Gaussians:
-    """Return Gaussians that look like the pictures; the same seed gives the same ones.
+    """Return Gaussians that look like the pictures.
 
     Args:
         frames: At least one; sizes may differ. Training costs by the pixel: make them small before
             (`Frame.resized`).
         options: How to train.
         points: Where to start from; found in the frames when not given (`seed_points`).
+        backend: `numba` (CPU) gives the same Gaussians for the same seed, whatever the number of
+            threads; `gsplat` (CUDA) adds in any order and repeats only nearly.
         progress: Is told about every step.
 
     Raises:
         ValueError: There are no frames, or no points.
+        BackendUnavailable: gsplat, torch or CUDA is missing.
     """
-    trainer = Trainer(frames, options, points=points)
+    trainer = Trainer(frames, options, points=points, backend=backend)
     for _ in range(options.iterations):
         step = trainer.step()
         if progress is not None:
@@ -101,7 +68,12 @@ class Trainer:
     """The state of training; `step` looks at one picture."""
 
     def __init__(
-        self, frames: Sequence[Frame], options: SplatOptions, *, points: Points | None = None
+        self,
+        frames: Sequence[Frame],
+        options: SplatOptions,
+        *,
+        points: Points | None = None,
+        backend: Backend = "numba",
     ) -> None:
         """Place a Gaussian on each point to start from."""
         if not frames:
@@ -115,17 +87,16 @@ class Trainer:
             raise ValueError("need at least one point to start from, got none")
         points = thinned(points, options.seed_count, self._rng)
         self._extent_m = _extent_m([frame.camera for frame in frames], points.places_m)
-        self._parameters = _placed(points, options.sh_degree)
-        self._first = np.zeros_like(self._parameters)
-        self._second = np.zeros_like(self._parameters)
-        self._screen = np.zeros((len(self._parameters), 2), np.float32)
+        placed = Moments.fresh(_placed(points, options))
+        self._optimiser = _optimiser(placed, options, backend)
+        self._num_gaussians = len(points)
         self._waiting: list[int] = []
         self._iteration = 0
 
     def gaussians(self) -> Gaussians:
         """Return what was learnt so far; Gaussians that are not finite are left out."""
-        finite = np.isfinite(self._parameters).all(axis=1)
-        return Gaussians.unpacked(self._parameters[finite])
+        parameters = self._optimiser.moments().parameters
+        return Gaussians.unpacked(parameters[np.isfinite(parameters).all(axis=1)])
 
     def step(self) -> Step:
         """Look at the next picture (every picture once before any twice) and move."""
@@ -137,78 +108,56 @@ class Trainer:
             width, height = frame.camera.pinhole.size_px
             frame = frame.resized(max(16, width // 2), max(16, height // 2))
         self._iteration += 1
-        tape = Tape(self._parameters, frame.camera, o.cut_offs)
-        photo = frame.rgb.astype(np.float32) / np.float32(255)
-        loss, by_rgb = loss_and_gradient(np.ascontiguousarray(tape.rgb), photo)
-        gradients = tape.gradients(by_rgb, self._screen)
-        _project_numba.adam_step(
-            self._parameters, gradients, self._first, self._second, self._rates(), self._iteration
-        )
+        loss = self._optimiser.step(frame, self._rates())
         share = self._iteration / o.iterations
         due = self._iteration % o.densify_every == 0
         if due and o.densify_from <= share <= o.densify_until:
             self._densify()
-        return Step(self._iteration, loss, len(self._parameters))
+        return Step(self._iteration, loss, self._num_gaussians)
 
     def _rates(self) -> Float32[np.ndarray, "columns"]:
         o = self._options
-        position = o.position_rate * self._extent_m * 0.01 ** (self._iteration / o.iterations)
-        rates = [position] * 3 + [o.scale_rate] * 3 + [o.rotation_rate] * 4 + [o.opacity_rate]
-        rates += [o.colour_rate] * 3 + [o.direction_rate] * (self._parameters.shape[1] - 14)
-        return np.array(rates, np.float32)
+        share = self._iteration / o.iterations
+        position = o.position_rate * self._extent_m * 0.01**share
+        rates = [o.scale_rate] * 3 + [o.rotation_rate] * 4 + [o.opacity_rate]
+        rates += [o.colour_rate] * 3 + [o.direction_rate] * (9 if o.sh_degree else 0)
+        settled = o.settle_to ** max(0.0, (share - o.settle_from) / (1 - o.settle_from))
+        return np.array([position] * 3 + [rate * settled for rate in rates], np.float32)
 
     def _densify(self) -> None:
-        """Double or split what the loss pulls about, and drop what is transparent or broken."""
-        o = self._options
-        p = self._parameters
-        pull = self._screen[:, 0] / np.maximum(self._screen[:, 1], 1)
-        opacity = 1 / (1 + np.exp(-p[:, 10].astype(np.float64)))
-        sound = np.isfinite(p).all(axis=1) & (opacity > o.prune_opacity)
-        hot = sound & (pull > o.densify_gradient)
-        room = max(0, o.max_count - int(sound.sum()))
-        if hot.sum() > room:
-            strongest = np.argsort(np.where(hot, -pull, np.inf), kind="stable")[:room]
-            hot = np.zeros_like(hot)
-            hot[strongest] = True
-        large = np.exp(p[:, 3:6]).max(axis=1) > o.split_size * self._extent_m
-        split, kept = hot & large, sound & ~(hot & large)
-        halves = [_half(p[split], self._rng) for _ in range(2)]
-        self._parameters = np.concatenate([p[kept], p[hot & ~large], *halves])
-        fresh = np.zeros((len(self._parameters) - int(kept.sum()), p.shape[1]), np.float32)
-        self._first = np.concatenate([self._first[kept], fresh])
-        self._second = np.concatenate([self._second[kept], fresh])
-        self._screen = np.zeros((len(self._parameters), 2), np.float32)
+        moments = densify(
+            self._optimiser.moments(),
+            self._optimiser.pulls(),
+            self._options,
+            extent_m=self._extent_m,
+            rng=self._rng,
+        )
+        self._optimiser.restart(moments)
+        self._num_gaussians = len(moments.parameters)
 
 
-def _half(rows: Parameters, rng: np.random.Generator) -> Parameters:
-    """Return Gaussians 1.6 times smaller at places drawn from the given ones."""
-    halves = rows.copy()
-    w, a, b, c = (rows[:, 6:10] / np.linalg.norm(rows[:, 6:10], axis=1, keepdims=True)).T
-    rotation = np.array(
-        [
-            [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
-            [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a)],
-            [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)],
-        ]
-    )
-    away = rng.normal(size=(len(rows), 3)) * np.exp(rows[:, 3:6])
-    halves[:, :3] += np.einsum("ijn,nj->ni", rotation, away).astype(np.float32)
-    halves[:, 3:6] -= np.float32(np.log(1.6))
-    return halves
+def _optimiser(moments: Moments, options: SplatOptions, backend: Backend) -> Optimiser:
+    if backend == "gsplat":
+        from peaking.splat._gsplat import GsplatOptimiser
+
+        return GsplatOptimiser(moments, options.cut_offs)
+    from peaking.splat._numba import NumbaOptimiser
+
+    return NumbaOptimiser(moments, options.cut_offs)
 
 
-def _placed(points: Points, sh_degree: int) -> Parameters:
-    """Return round Gaussians, as large as the distance to the nearest others."""
+def _placed(points: Points, options: SplatOptions) -> Parameters:
+    """Return round Gaussians, as large as the distance to the nearest others says."""
     places = points.places_m
     n = len(places)
-    parameters = np.zeros((n, 14 if sh_degree == 0 else 23), np.float32)
+    parameters = np.zeros((n, 14 if options.sh_degree == 0 else 23), np.float32)
     parameters[:, :3] = places
     spacing = _spacing(places)
     spacing = np.clip(spacing, 1e-6, np.percentile(spacing, 95) + 1e-6)
-    parameters[:, 3:6] = np.log(spacing)[:, None]
+    parameters[:, 3:6] = np.log(options.first_size * spacing)[:, None]
     parameters[:, 6] = 1
-    parameters[:, 10] = np.log(0.1 / 0.9)
-    parameters[:, 11:14] = (points.rgb - 0.5) / _project_numba.C0
+    parameters[:, 10] = np.log(options.first_opacity / (1 - options.first_opacity))
+    parameters[:, 11:14] = (points.rgb - 0.5) / C0
     return parameters
 
 

@@ -1,0 +1,143 @@
+"""Depth from pictures alone: planes are swept through the scene (Collins 1996).
+
+Each picture is compared with a few others by way of planes before it; a pixel has the depth of the
+plane where it is most like them, if one stands out and the others' own depths say the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from peaking.frame import Frame
+from peaking.geometry import Camera
+from peaking.splat._sweep_numba import differences
+from peaking.splat.seeds import looked_at_m, unit
+
+FIRST_PLANES, SECOND_PLANES = 32, 64
+NUM_OTHERS = 4
+BASELINE = 0.12
+"""Others are chosen about this share of the distance aside."""
+NEAREST, FARTHEST = 0.2, 6.0
+"""Range of the first sweep, in distances of what is looked at."""
+WINDOW_PX = 5
+MOST_UNLIKE = 0.08
+"""A mean absolute difference above this is no match."""
+STANDS_OUT = 0.6
+"""The best difference is smaller than this share of the median over all planes."""
+AGREES_PLANES = 1.5
+"""Two pictures agree on a depth when they are no more planes apart."""
+
+
+def swept_depths_m(frames: Sequence[Frame]) -> list[Float64[np.ndarray, "_ _"]]:
+    """Return a depth map for each (small) picture, 0 where nothing is sure.
+
+    A second sweep has its planes where the first one found something.
+    """
+    cameras = [frame.camera for frame in frames]
+    middle_m = looked_at_m(cameras)
+    others = [_others(index, cameras, BASELINE * middle_m) for index in range(len(frames))]
+    photos = [unit(frame.rgb) for frame in frames]
+    disparities = np.linspace(1 / FARTHEST, 1 / NEAREST, FIRST_PLANES) / middle_m
+    found = [np.zeros(photo.shape[:2]) for photo in photos]
+    for _ in range(2):
+        step = disparities[1] - disparities[0]
+        found = [
+            _best(index, photos, cameras, others[index], disparities)
+            for index in range(len(frames))
+        ]
+        found = [
+            _agreed(index, found, cameras, others[index], step) for index in range(len(frames))
+        ]
+        seen = np.concatenate([one[one > 0] for one in found])
+        if len(seen) < 100:
+            break
+        low, high = np.percentile(seen, [1, 99])
+        disparities = np.linspace(0.9 * low, 1.1 * high, SECOND_PLANES)
+    return [np.divide(1, one, out=np.zeros_like(one), where=one > 0) for one in found]
+
+
+def _others(index: int, cameras: Sequence[Camera], baseline_m: float) -> list[int]:
+    """Return the pictures to compare with: they look the same way, from well aside."""
+    here = cameras[index]
+    aside_m = np.array([np.linalg.norm(c.position_m - here.position_m) for c in cameras])
+    facing = np.array([float(c.forward @ here.forward) for c in cameras])
+    usable = (facing > 0.6) & (aside_m > 0.02 * baseline_m)
+    usable[index] = False
+    off = np.where(usable, np.abs(np.log(np.maximum(aside_m, 1e-12) / baseline_m)), np.inf)
+    return [int(i) for i in np.argsort(off, kind="stable")[:NUM_OTHERS] if usable[i]]
+
+
+def _best(
+    index: int,
+    photos: Sequence[Float32[np.ndarray, "_ _ 3"]],
+    cameras: Sequence[Camera],
+    others: Sequence[int],
+    disparities: Float64[np.ndarray, "planes"],
+) -> Float64[np.ndarray, "h w"]:
+    """Return each pixel's best disparity, 0 where none stands out."""
+    photo = photos[index]
+    if not others:
+        return np.zeros(photo.shape[:2])
+    each = np.empty((len(others), len(disparities), *photo.shape[:2]), np.float32)
+    for place, other in enumerate(others):
+        homographies = _homographies(cameras[index], cameras[other], disparities)
+        differences(photo, photos[other], homographies, each[place])
+        for plane in each[place]:
+            cv2.blur(plane, (WINDOW_PX, WINDOW_PX), dst=plane)
+    # What one picture sees another may not: the better half counts.
+    half = max(1, len(others) // 2)
+    costs = np.partition(each, half - 1, axis=0)[:half].mean(axis=0)
+    best = costs.argmin(axis=0)
+    inner = np.clip(best, 1, len(disparities) - 2)
+    before, here, after = (
+        np.take_along_axis(costs, (inner + k)[None], axis=0)[0] for k in (-1, 0, 1)
+    )
+    bend = before + after - 2 * here
+    shift = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 1e-9)
+    step = disparities[1] - disparities[0]
+    disparity = disparities[inner] + np.clip(shift, -0.5, 0.5) * step
+    sure = (here < MOST_UNLIKE) & (here < STANDS_OUT * np.median(costs, axis=0)) & (best == inner)
+    return np.where(sure, disparity, 0.0)
+
+
+def _homographies(
+    here: Camera, other: Camera, disparities: Float64[np.ndarray, "planes"]
+) -> Float64[np.ndarray, "planes 3 3"]:
+    """Return the other's pixels from this one's, by way of each plane."""
+    other_from_here = other.world_from_cam.inverse() @ here.world_from_cam
+    shift = np.zeros((len(disparities), 3, 3))
+    shift[:, :, 2] = disparities[:, None] * other_from_here.translation_m
+    between = other_from_here.rotation + shift
+    return other.pinhole.px_from_cam @ between @ here.pinhole.cam_from_px
+
+
+def _agreed(
+    index: int,
+    found: Sequence[Float64[np.ndarray, "_ _"]],
+    cameras: Sequence[Camera],
+    others: Sequence[int],
+    step: float,
+) -> Float64[np.ndarray, "h w"]:
+    """Return a picture's disparities where at least one other has the same in its place."""
+    disparity = found[index]
+    ys, xs = np.nonzero(disparity)
+    rays = cameras[index].pinhole.rays()[ys, xs]
+    in_world_m = cameras[index].world_from_cam.apply(rays / disparity[ys, xs][:, None])
+    agreed = np.zeros(len(ys), bool)
+    for other in others:
+        in_cam_m = cameras[other].world_from_cam.inverse().apply(in_world_m)
+        height, width = found[other].shape
+        ahead = np.maximum(in_cam_m[:, 2], 1e-9)
+        pixel = (in_cam_m @ cameras[other].pinhole.px_from_cam.T)[:, :2] / ahead[:, None]
+        inside = (pixel >= 0).all(axis=1) & (pixel < [width, height]).all(axis=1)
+        inside &= in_cam_m[:, 2] > 0
+        column, row = np.where(inside[:, None], pixel, 0).astype(np.int64).T
+        there = found[other][row, column]
+        agreed |= inside & (there > 0) & (np.abs(there - 1 / ahead) < AGREES_PLANES * step)
+    kept = np.zeros_like(disparity)
+    kept[ys[agreed], xs[agreed]] = disparity[ys, xs][agreed]
+    return kept

@@ -1,0 +1,93 @@
+"""The CUDA backend; not part of a plain run: `pytest -m gpu` on a machine with CUDA and gsplat."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from peaking.datasets.nerfstudio import open_recording
+from peaking.evaluate.metrics import psnr
+from peaking.frame import Frame
+from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.splat._gsplat import GsplatOptimiser
+from peaking.splat._numba import NumbaOptimiser
+from peaking.splat.gaussians import Gaussians
+from peaking.splat.optimiser import Moments
+from peaking.splat.options import SplatOptions
+from peaking.splat.rasterise import render
+from peaking.splat.train import train
+from peaking.splat.view import CutOffs
+from splat.scenes_of_gaussians import HERE, cloud
+
+pytestmark = [pytest.mark.gpu, pytest.mark.filterwarnings("default")]
+
+DESK = Path(__file__).parents[2] / "scenes" / "desk"
+COLOURS_AGREE = 2e-4
+"""float32 and fast exp against float64, for colours in 0…1, for 99 of 100 pixels."""
+CUT_OFF = 2 / 255
+"""What a pixel may differ by when a Gaussian is on the other side of a cut-off."""
+TILTED = Camera(
+    Pinhole(53, 37, 40.0, 44.0, 20.0, 19.0),
+    Rigid(np.array([[0.6, 0.0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-2.0, 0.1, 0.7])),
+)
+
+
+@pytest.mark.parametrize("sh_degree", (0, 1))
+@pytest.mark.parametrize("camera", (HERE, TILTED), ids=("here", "tilted"))
+def test_views_agree_with_the_definition(camera: Camera, sh_degree: int) -> None:
+    gaussians = Gaussians.unpacked(cloud(150, seed=3, sh_degree=sh_degree).astype(np.float32))
+    expected = render(gaussians, camera, backend="numpy")
+    seen = render(gaussians, camera, backend="gsplat")
+    for ours, theirs in ((expected.rgb, seen.rgb), (expected.alpha, seen.alpha)):
+        away = np.abs(ours - theirs)
+        assert np.quantile(away, 0.99) < COLOURS_AGREE
+        assert away.max() < CUT_OFF
+    solid = expected.alpha > 0.5
+    assert np.quantile(np.abs(expected.depth_m - seen.depth_m)[solid], 0.99) < 1e-3
+
+
+def test_steps_agree_with_the_processor() -> None:
+    """Ten steps of Adam from the same place move all parameters in the same way."""
+    rows = cloud(60, seed=1).astype(np.float32)
+    photo = np.random.default_rng(0).integers(0, 256, (28, 36, 3)).astype(np.uint8)
+    frame = Frame("noise", photo, HERE)
+    rates = np.full(23, 1e-3, np.float32)
+    cpu = NumbaOptimiser(Moments.fresh(rows.copy()), CutOffs())
+    cuda = GsplatOptimiser(Moments.fresh(rows.copy()), CutOffs())
+    losses = [(cpu.step(frame, rates), cuda.step(frame, rates)) for _ in range(10)]
+    for ours, theirs in losses:
+        assert theirs == pytest.approx(ours, abs=1e-4)
+    assert losses[-1][0] < losses[0][0]
+    moved = cpu.moments().parameters - rows
+    away = cuda.moments().parameters - cpu.moments().parameters
+    assert np.quantile(np.abs(away), 0.95) < 0.05 * np.abs(moved).max()
+    np.testing.assert_allclose(cuda.pulls(), cpu.pulls(), rtol=0.05, atol=1e-6)
+
+
+def test_trains_the_sample_scene_as_well_as_the_processor(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    recording = open_recording(DESK)
+    frames = [recording.read(i).resized(160, 240) for i in range(0, len(recording), 2)]
+    held_out, training = frames[::8], [f for i, f in enumerate(frames) if i % 8]
+    options = SplatOptions(iterations=600)
+    reached: dict[str, float] = {}
+    for backend in ("numba", "gsplat"):
+        train(training, SplatOptions(iterations=2), backend=backend)  # compiles
+        start = time.perf_counter()
+        gaussians = train(training, options, backend=backend)
+        seconds = time.perf_counter() - start
+        reached[backend] = float(np.mean([_quality(gaussians, frame) for frame in held_out]))
+        said = f"{backend}: {reached[backend]:.2f} dB, {len(gaussians)} Gaussians, {seconds:.1f} s"
+        with capsys.disabled():
+            sys.stdout.write(f"\n{said}\n")
+    assert reached["gsplat"] > reached["numba"] - 0.5
+
+
+def _quality(gaussians: Gaussians, frame: Frame) -> float:
+    rgb = np.clip(render(gaussians, frame.camera).rgb, 0, 1).astype(np.float64)
+    return psnr(rgb, frame.rgb / 255.0)
