@@ -1,0 +1,108 @@
+"""COLMAP's cameras laid over the recorded ones: the algebra by hand, and (`-m colmap`) COLMAP."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from peaking.frame import Frame
+from peaking.geometry import Cam, Camera, Rigid, World
+from peaking.splat.colmap import aligned, estimate_cameras, partners
+from peaking.splat.errors import CamerasNotFound
+from recordings import Room, lateral_cameras
+
+
+def turned(axis: int, degrees: float) -> np.ndarray:
+    angle = np.radians(degrees)
+    matrix = np.eye(3)
+    a, b = [k for k in range(3) if k != axis]
+    matrix[a, a] = matrix[b, b] = np.cos(angle)
+    matrix[a, b], matrix[b, a] = -np.sin(angle), np.sin(angle)
+    return matrix
+
+
+def moved(
+    poses: list[Rigid[World, Cam]], scale: float, rotation: np.ndarray, shift: np.ndarray
+) -> list[Rigid[World, Cam]]:
+    return [
+        Rigid(rotation @ pose.rotation, scale * rotation @ pose.translation_m + shift)
+        for pose in poses
+    ]
+
+
+@pytest.mark.parametrize("straight", (True, False))
+def test_a_known_similarity_is_found(straight: bool) -> None:
+    """A straight path leaves the turn about itself to the cameras' axes."""
+    rng = np.random.default_rng(0)
+    off = np.zeros((6, 3)) if straight else 0.2 * rng.normal(size=(6, 3))
+    poses: list[Rigid[World, Cam]] = [
+        Rigid(turned(1, 5.0 * i), np.array([0.1 * i, 0.0, 0.0]) + off[i]) for i in range(6)
+    ]
+    rotation, shift = turned(0, 30) @ turned(2, -70), np.array([1.0, -2.0, 0.5])
+    found = aligned(poses, moved(poses, 2.5, rotation, shift))
+    assert found.scale == pytest.approx(2.5)
+    np.testing.assert_allclose(found.rotation, rotation, atol=1e-12)
+    np.testing.assert_allclose(found.translation_m, shift, atol=1e-12)
+    np.testing.assert_allclose(
+        found.apply(np.array([[1.0, 2, 3]])), [2.5 * rotation @ [1, 2, 3] + shift], atol=1e-12
+    )
+
+
+def test_noise_shrinks_nothing_by_much() -> None:
+    rng = np.random.default_rng(1)
+    poses: list[Rigid[World, Cam]] = [Rigid(np.eye(3), rng.normal(size=3)) for _ in range(50)]
+    noisy = [
+        Rigid[World, Cam](p.rotation, p.translation_m + 0.01 * rng.normal(size=3)) for p in poses
+    ]
+    assert aligned(poses, noisy).scale == pytest.approx(1.0, abs=0.01)
+
+
+def test_cameras_in_one_place_have_no_scale() -> None:
+    poses: list[Rigid[World, Cam]] = [Rigid.identity()] * 4
+    with pytest.raises(CamerasNotFound, match="scale stays unknown"):
+        aligned(poses, poses)
+
+
+def test_partners_are_near_and_face_the_same_way() -> None:
+    cameras = lateral_cameras(40, 64, 48)
+    back = replace(
+        cameras[0],
+        world_from_cam=Rigid(
+            cameras[0].world_from_cam.rotation @ turned(1, 180), cameras[0].position_m
+        ),
+    )
+    pairs = partners([*cameras, back], 6)
+    assert all(a < b for a, b in pairs)
+    assert {(10, 11), (10, 12), (10, 13)} <= set(pairs)
+    assert (0, 39) not in pairs
+    assert {a for a, b in pairs if b == 40} == {39}  # by order alone
+
+
+@pytest.mark.colmap
+@pytest.mark.filterwarnings("default")
+def test_colmap_finds_the_cameras_of_a_room() -> None:
+    room = Room()
+    frames: list[Frame] = []
+    for i, camera in enumerate(lateral_cameras(9, 480, 360)):
+        frames.append(Frame(f"{i}", room.photographed(camera)[0], camera))
+    found = estimate_cameras(frames)
+    placed = [(c, f.camera) for c, f in zip(found.cameras, frames, strict=True) if c is not None]
+    assert len(placed) >= 8
+    for camera, recorded in placed:
+        assert np.linalg.norm(camera.position_m - recorded.position_m) < 0.01
+        assert camera.pinhole == recorded.pinhole
+        assert camera.forward @ recorded.forward > np.cos(np.radians(0.5))
+    z_m = found.points.places_m[:, 2]
+    assert len(z_m) > 50
+    assert np.median(np.minimum(np.abs(z_m - 2.0), np.abs(z_m - 1.0))) < 0.02
+
+
+@pytest.mark.colmap
+@pytest.mark.filterwarnings("default")
+def test_pictures_of_nothing_cannot_be_joined() -> None:
+    camera: Camera = lateral_cameras(1, 320, 240)[0]
+    noise = np.random.default_rng(0).integers(0, 256, (3, 240, 320, 3)).astype(np.uint8)
+    with pytest.raises(CamerasNotFound, match="could not join"):
+        estimate_cameras([Frame("", rgb, camera) for rgb in noise])
