@@ -80,7 +80,7 @@ class GsplatOptimiser:
         with self._cuda.torch.no_grad():
             self._note_pulls(meta, frame.camera)
             self._move(self._cuda.tensor(rates))
-        return float(loss)
+        return float(loss.detach())
 
     def moments(self) -> Moments:
         """Return the parameters as they are now."""

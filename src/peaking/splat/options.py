@@ -31,18 +31,18 @@ class SplatOptions:
     """Share of the steps at half the size."""
     position_rate: float = 2e-3
     """In extents of the cameras; falls exponentially to a hundredth."""
-    scale_rate: float = 1.5e-2
-    rotation_rate: float = 3e-3
+    scale_rate: float = 3e-2
+    rotation_rate: float = 1e-2
     opacity_rate: float = 5e-2
     colour_rate: float = 1.5e-2
-    direction_rate: float = 1e-3
+    direction_rate: float = 3e-3
     settle_from: float = 0.5
     """Share of the steps after which all other rates fall exponentially too."""
     settle_to: float = 0.2
     """What is left of them at the end."""
     densify_every: int = 100
     densify_from: float = 0.1
-    densify_until: float = 0.6
+    densify_until: float = 0.8
     """Shares of the steps."""
     densify_gradient: float = 4e-4
     """Mean gradient by the position (in half pictures) above which one becomes two."""
