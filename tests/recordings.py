@@ -125,9 +125,10 @@ def write_recording(
     height_px: int = 48,
     with_depth: bool = True,
     room: Room | None = None,
+    cameras: list[Camera] | None = None,
 ) -> Path:
-    """Write a nerfstudio data set of `lateral_cameras` in a room, and return its folder."""
-    cameras = lateral_cameras(num_frames, width_px, height_px)
+    """Write a nerfstudio data set of cameras (`lateral_cameras`) in a room; return its folder."""
+    cameras = cameras or lateral_cameras(num_frames, width_px, height_px)
     room = room or Room()
     (folder / "images").mkdir(parents=True)
     (folder / "depths").mkdir()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int
 
 from peaking.geometry import Camera
 
@@ -81,18 +81,39 @@ def nearest_by_overlap(
     Raises:
         ValueError: There is no view, or `count` < 1, or `scene_depth_m` is not > 0.
     """
-    if not scene_depth_m > 0:
-        raise ValueError(f"need scene_depth_m > 0, got {scene_depth_m}")
     distance_m = _distances_m(cameras, target, count)
     # Only the closest are asked for their overlap: keeps long sessions quick.
     candidates = np.argsort(distance_m, kind="stable")[: max(CANDIDATES, 8 * count)]
-    overlap = overlap_shares([cameras[i] for i in candidates], target, scene_depth_m)
-    cost_m = (distance_m[candidates] + CLOSE_M) / np.maximum(overlap, LEAST_OVERLAP)
+    cost_m = overlap_costs_m([cameras[i] for i in candidates], target, scene_depth_m)
+    best, weights = fading_weights(cost_m, count)
+    return _neighbours(candidates[best], weights, distance_m)
+
+
+def overlap_costs_m(
+    views: Sequence[Camera], target: Camera, scene_depth_m: float
+) -> Float64[np.ndarray, "views"]:
+    """Return the distance of each view from the target, divided by their overlap, in metres.
+
+    Raises:
+        ValueError: `scene_depth_m` is not > 0.
+    """
+    if not scene_depth_m > 0:
+        raise ValueError(f"need scene_depth_m > 0, got {scene_depth_m}")
+    positions_m = np.array([view.position_m for view in views])
+    distance_m = np.linalg.norm(positions_m - target.position_m, axis=1)
+    overlap = overlap_shares(views, target, scene_depth_m)
+    return (distance_m + CLOSE_M) / np.maximum(overlap, LEAST_OVERLAP)
+
+
+def fading_weights(
+    cost_m: Float64[np.ndarray, "views"], count: int
+) -> tuple[Int[np.ndarray, "k"], Float64[np.ndarray, "k"]]:
+    """Return which views cost least, best first, and weights that fade out before they change."""
     order = np.argsort(cost_m, kind="stable")
     best = order[:count]
     limit_m = cost_m[order[count]] if len(order) > count else RANGE * cost_m[best].max()
-    closeness = np.maximum(1.0 - cost_m[best] / limit_m, 1e-6)
-    return _neighbours(candidates[best], closeness / cost_m[best], distance_m)
+    weights = np.maximum(1.0 - cost_m[best] / limit_m, 1e-6) / cost_m[best]
+    return best, weights / weights.sum()
 
 
 def overlap_shares(

@@ -1,0 +1,53 @@
+"""Even steps along the path: the paper's "Uniform"."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from peaking.evaluate.scene import Scene
+from peaking.geometry import Camera
+
+
+def uniform(
+    scene: Scene, candidates: Sequence[int], count: int, rng: np.random.Generator
+) -> list[int]:
+    """Choose views at equal distances along the path, "as far as possible" (paper, section 4.2)."""
+    return spread_along([scene.cameras[i] for i in candidates], candidates, count)
+
+
+def spread_along(
+    cameras: Sequence[Camera], candidates: Sequence[int], count: int, *, metres_per_rad: float = 0.0
+) -> list[int]:
+    """Choose the candidates nearest to `count` even marks on the path, none twice.
+
+    Args:
+        cameras: Of the candidates.
+        candidates: In the order of capture.
+        count: At most as many as there are candidates.
+        metres_per_rad: What a rotation counts as, in metres of path; 0 leaves it out.
+    """
+    way_m = path_m(cameras, metres_per_rad=metres_per_rad)
+    free = np.ones(len(candidates), dtype=bool)
+    for mark_m in np.linspace(0.0, way_m[-1], count):
+        free[np.argmin(np.where(free, np.abs(way_m - mark_m), np.inf))] = False
+    return [candidates[k] for k in np.flatnonzero(~free).tolist()]
+
+
+def path_m(cameras: Sequence[Camera], *, metres_per_rad: float = 0.0) -> Float64[np.ndarray, "n"]:
+    """Return how far the camera had come at each view, in metres (and rotations, if they count)."""
+    places_m = np.array([camera.position_m for camera in cameras])
+    steps_m = np.linalg.norm(np.diff(places_m, axis=0), axis=1)
+    if metres_per_rad > 0:
+        turned = [rotation_rad(a, b) for a, b in itertools.pairwise(cameras)]
+        steps_m = steps_m + metres_per_rad * np.array(turned)
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
+
+
+def rotation_rad(a: Camera, b: Camera) -> float:
+    """Return the angle between two cameras' orientations."""
+    turn = a.world_from_cam.rotation.T @ b.world_from_cam.rotation
+    return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0)))
