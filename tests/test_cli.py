@@ -6,6 +6,7 @@ import csv
 import json
 import shutil
 from pathlib import Path
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -258,3 +259,28 @@ def test_a_corrupt_mpi_is_named(
     line = fails(["render", str(path), "--out", str(tmp_path / "a.png")], capsys)
     assert "a.mpi" in line
     assert not (tmp_path / "a.png").exists()
+
+
+def test_plan_is_the_papers_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plot = tmp_path / "plan.svg"
+    main(["plan", "--plot", str(plot)])
+    said = capsys.readouterr().out
+    assert "N = 10.58: 11 views, at most 46.1 mm apart; as a square grid 4 × 4 = 16" in said
+    assert "what limits       MPI pixel" in said
+    drawing = ElementTree.fromstring(plot.read_text())
+    assert "N = 10.6, 46.1 mm apart" in "".join(drawing.itertext())
+
+
+def test_plan_says_what_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["plan", "--eye", "2"])
+    assert "what limits       eye" in capsys.readouterr().out
+    main(["plan", "--speed", "0.1"])
+    assert "what limits       motion" in capsys.readouterr().out
+
+
+def test_plan_refuses_what_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "z_min_m" in fails(["plan", "--zmin", "0"], capsys)
+    assert "eye_m" in fails(["plan", "--eye", "nan"], capsys)
+    plot = tmp_path / "plan.png"
+    assert ".svg" in fails(["plan", "--plot", str(plot)], capsys)
+    assert not plot.exists()

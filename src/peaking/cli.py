@@ -14,6 +14,7 @@ from peaking.commands import (
     bench_live,
     demo,
     generate,
+    plan,
     quality,
     render,
     replay,
@@ -32,6 +33,7 @@ Examples:
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
+  peaking plan --zmin 0.5 --area 0.15
   peaking quality scenes/desk
   peaking bench --json bench.json
   peaking bench live --json live.json
@@ -57,6 +59,7 @@ Commands = (
     Annotated[demo.Demo, _subcommand("demo", demo.Demo)]
     | Annotated[serve.Serve, _subcommand("serve", serve.Serve)]
     | Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
+    | Annotated[plan.Plan, _subcommand("plan", plan.Plan)]
     | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
     | Annotated[render.Render, _subcommand("render", render.Render)]
     | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
