@@ -17,7 +17,17 @@ import numpy as np
 
 from peaking.datasets.nerfstudio import open_recording
 from peaking.error_map import GAIN_STRIDE, exposure_gain
-from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
+from peaking.guidance import (
+    DepthScan,
+    Guide,
+    PlenopticBound,
+    hemisphere,
+    plane_stack,
+    plenoptic_grid,
+    progress,
+)
+from peaking.guidance.guide import next_target, within_reach
 from peaking.mpi import Mpi
 from peaking.mpi_file import encode
 from peaking.nearest import (
@@ -57,6 +67,7 @@ def fixtures() -> dict[str, bytes]:
         "mpi_file.json": as_json(content_of(mpi)),
         "nearest.json": as_json(nearest_cases()),
         "exposure.json": as_json(exposure_cases()),
+        "guidance.json": as_json(guidance_cases()),
     }
 
 
@@ -142,17 +153,98 @@ def exposure_cases() -> list[dict[str, Any]]:
     return cases
 
 
+def guidance_cases() -> dict[str, Any]:
+    """Return scans with their z_min, and guides with their targets and what views have taken."""
+    random = np.random.default_rng(13)
+    scans: list[dict[str, Any]] = []
+    for known in (1.0, 0.6, 0.04):
+        scan = DepthScan()
+        maps = random.integers(300, 4000, (5, 12, 16)) * (random.uniform(size=(5, 12, 16)) < known)
+        answers: list[float] = []
+        for depth_mm in maps:
+            scan.add(depth_mm / 1000.0)
+            answers.append(-1.0 if scan.z_min_m is None else scan.z_min_m)
+        scans.append({"maps_mm": maps.reshape(5, -1).tolist(), "z_min_m": answers})
+    bounds = [
+        (camera(random), z_min_m, area_side_m, num_planes)
+        for z_min_m, area_side_m, num_planes in ((0.5, 0.15, 32), (0.31, 0.06, 16), (1.2, 0.1, 64))
+    ]
+    return {
+        "scans": scans,
+        "guides": [guide_case(random, *bound) for bound in bounds],
+    }
+
+
+def guide_case(
+    random: np.random.Generator,
+    here: Camera,
+    z_min_m: float,
+    area_side_m: float,
+    num_planes: int,
+) -> dict[str, Any]:
+    """Return a bound and its three guides around a camera, each with views near its targets."""
+    bound = PlenopticBound.of_camera(
+        here.pinhole, z_min_m, area_side_m=area_side_m, num_planes=num_planes
+    )
+    anchor = here.world_from_cam
+    guides: dict[str, Guide] = {
+        "plenoptic": plenoptic_grid(anchor, bound),
+        "planes": plane_stack(anchor, bound),
+        "hemisphere": hemisphere(anchor, 2 * z_min_m),
+    }
+    return {
+        "camera": wire(here),
+        "z_min_m": z_min_m,
+        "area_side_m": area_side_m,
+        "num_planes": num_planes,
+        "spacing_m": bound.spacing_m,
+        "num_views": bound.num_views,
+        "views_per_side": bound.views_per_side,
+        "pitch_m": bound.pitch_m,
+        "guides": {name: guide_answers(random, here, guide) for name, guide in guides.items()},
+    }
+
+
+def guide_answers(random: np.random.Generator, here: Camera, guide: Guide) -> dict[str, Any]:
+    """Return targets, views around some of them, and what those have taken; -1 is none."""
+    views: list[Camera] = []
+    for index in random.integers(0, len(guide.targets), 12):
+        target = guide.targets[index]
+        step_m = random.normal(size=3) * 0.6 * guide.near_enough.position_m
+        turn = turned(random.normal(size=3), abs(random.normal() * 0.1))
+        pose = Rigid[World, Cam](target.rotation @ turn, target.translation_m + step_m)
+        views.append(Camera(here.pinhole, pose))
+    taken_by = progress(guide, views).taken_by
+    return {
+        "targets": [target.matrix()[:3].ravel().tolist() for target in guide.targets],
+        "position_tolerance_m": guide.near_enough.position_m,
+        "views": [wire(view) for view in views],
+        "taken_by": [none_is_minus_one(by) for by in taken_by],
+        "next": [none_is_minus_one(next_target(guide, view, taken_by)) for view in views],
+        "within_reach": [none_is_minus_one(within_reach(guide, view, taken_by)) for view in views],
+    }
+
+
+def none_is_minus_one(index: int | None) -> int:
+    """Return an index as a number, so that documents can be compared number by number."""
+    return -1 if index is None else index
+
+
 def camera(random: np.random.Generator) -> Camera:
     """Return a camera within a metre of the origin that looks within a radian of +z."""
-    axis, angle = random.normal(size=3), random.uniform(0, 1.0)
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    rotation = turned(random.normal(size=3), random.uniform(0, 1.0))
     width, height = (294, 639) if random.uniform() < 0.5 else (640, 480)
     fx, fy = random.uniform(250, 700, 2)
     cx, cy = width * random.uniform(0.4, 0.6), height * random.uniform(0.4, 0.6)
     pinhole = Pinhole(width, height, float(fx), float(fy), float(cx), float(cy))
     return Camera(pinhole, Rigid(rotation, random.uniform(-1, 1, 3)))
+
+
+def turned(axis: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Return the rotation about an axis of any length."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
 
 
 def wire(camera: Camera) -> dict[str, Any]:
