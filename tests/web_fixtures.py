@@ -28,6 +28,7 @@ from peaking.guidance import (
     progress,
 )
 from peaking.guidance.guide import next_target, within_reach
+from peaking.guidance.scan import middle_depth_m
 from peaking.mpi import Mpi
 from peaking.mpi_file import encode
 from peaking.nearest import (
@@ -160,11 +161,12 @@ def guidance_cases() -> dict[str, Any]:
     for known in (1.0, 0.6, 0.04):
         scan = DepthScan()
         maps = random.integers(300, 4000, (5, 12, 16)) * (random.uniform(size=(5, 12, 16)) < known)
-        answers: list[float] = []
+        answers: list[list[float]] = []
         for depth_mm in maps:
             scan.add(depth_mm / 1000.0)
-            answers.append(-1.0 if scan.z_min_m is None else scan.z_min_m)
-        scans.append({"maps_mm": maps.reshape(5, -1).tolist(), "z_min_m": answers})
+            middle_m = middle_depth_m(depth_mm / 1000.0)
+            answers.append([-1.0 if m is None else m for m in (scan.z_min_m, middle_m)])
+        scans.append({"maps_mm": maps.reshape(5, -1).tolist(), "z_min_and_middle_m": answers})
     bounds = [
         (camera(random), z_min_m, area_side_m, num_planes)
         for z_min_m, area_side_m, num_planes in ((0.5, 0.15, 32), (0.31, 0.06, 16), (1.2, 0.1, 64))

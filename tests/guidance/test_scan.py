@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peaking.guidance import DepthScan
-from peaking.guidance.scan import near_depth_m
+from peaking.guidance.scan import middle_depth_m, near_depth_m
 
 
 def wall(depth_m: float, *, near: int = 0, near_m: float = 0.1) -> np.ndarray:
@@ -27,6 +27,14 @@ def test_unknown_depths_are_not_near() -> None:
     assert near_depth_m(depth) == pytest.approx(2.0)
     assert near_depth_m(np.zeros((20, 20), np.float32)) is None
     assert near_depth_m(wall(2.0, near=390, near_m=0.0)) is None
+
+
+def test_the_middle_ninth_is_what_one_looks_at() -> None:
+    depth = np.full((9, 9), 5.0, np.float32)
+    depth[3:6, 3:6] = [[1, 1, 0], [2, 2, 2], [3, 3, 3]]
+    assert middle_depth_m(depth) == 2.0
+    depth[3:6, 3:6] = 0
+    assert middle_depth_m(depth) is None
 
 
 def test_three_frames_make_a_depth() -> None:

@@ -3,6 +3,9 @@
 import { CaptureDb } from './capture/capture_db';
 import { CaptureSession } from './capture/capture_session';
 import { chooseSource, type Choice } from './choose_source';
+import { GuideMode } from './guidance/guide_mode';
+import { guideOptionsOf } from './guidance/guide_options';
+import type { GuideState } from './guidance/guide_session';
 import { LiveView, type Hindrance } from './live_view';
 import { Api } from './server/api';
 import type { FrameSource } from './sources/frame_source';
@@ -22,6 +25,8 @@ export interface Inspection {
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
+  /** Of a guided capture; null without a guide. */
+  guide(): GuideState | null;
 }
 
 declare global {
@@ -62,6 +67,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const info = await api.server();
   const query = new URLSearchParams(location.search);
   const choice = chooseSource(query, info.recordings, await canDoAr());
+  const guideOptions = guideOptionsOf(query);
   for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
     key.hidden = key.dataset['only'] !== choice.kind;
   }
@@ -79,24 +85,28 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
+  const shoot = (): void => live.shoot(() => { problem = null; hud.confirm(); });
+  const guide = guideOptions === null ? null
+    : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
   const hud = new Hud(overlay, {
-    shoot: () => live.shoot(() => { problem = null; hud.confirm(); }),
+    shoot: () => (guide === null ? shoot() : guide.press()),
     undo: (id) => void session.undo(id),
     undoLast: () => {
       const last = session.views.at(-1);
       if (last !== undefined) void session.undo(last.id);
     },
     retry: (id) => void session.retry(id),
-    setLook: (look) => { live.look = look; },
+    setLook: (look) => { live.look = guide?.look(look) ?? look; },
     finish: (name) => void session.finish(name),
     newSession: () => beginAnew(query),
     datasetUrl: session.datasetUrl,
   }, replay);
-  window.peaking = inspectionOf(live, session, phone);
+  window.peaking = inspectionOf(live, session, phone, guide);
 
   const notices = new Notices(info, api);
   const onFrame = (frame: Parameters<LiveView['draw']>[0]): void => {
     live.draw(frame);
+    guide?.draw(frame);
     const { seen, hindrance, camera } = live.state;
     const { trouble, storageProblem, name, views } = session.snapshot;
     hud.show({
@@ -105,7 +115,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       peakedShare: seen?.peakedShare ?? null,
       views,
       notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
-      canShoot: hindrance === null,
+      canShoot: hindrance === null && (guide?.canPress ?? true),
       sessionName: name,
     });
     if (camera !== null && seen?.peakedShare != null) {
@@ -119,7 +129,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     }
   };
   for (;;) {
-    if (choice.kind === 'webxr') await start.ask('Start the camera');
+    if (choice.kind === 'webxr') await start.ask('Start the camera', guide !== null);
     await source.run(gl, onFrame, new AbortController().signal);
     await new Promise<void>((resolve) => start.ended(resolve));
     // A new session of WebXR has another origin, so its views are no neighbours of the old ones.
@@ -216,7 +226,7 @@ function beginAnew(query: URLSearchParams): void {
 }
 
 function inspectionOf(
-  live: LiveView, session: CaptureSession, phone: VirtualPhone | null,
+  live: LiveView, session: CaptureSession, phone: VirtualPhone | null, guide: GuideMode | null,
 ): Inspection {
   return {
     frames: () => live.frames,
@@ -226,6 +236,7 @@ function inspectionOf(
     timeline: () => live.timeline.all(),
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
+    guide: () => guide?.state ?? null,
   };
 }
 

@@ -39,6 +39,16 @@ export class Motion {
   }
 }
 
+/** How far a camera went and turned, metres and radians. */
+export function motionBetween(
+  before: Camera, now: Camera,
+): { readonly step_m: number; readonly turn_rad: number } {
+  return {
+    step_m: distance(positionOf(before), positionOf(now)),
+    turn_rad: angle(forwardOf(before), forwardOf(now)),
+  };
+}
+
 function distance(a: Vector3, b: Vector3): number {
   return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }

@@ -37,3 +37,20 @@ export function nearDepth(depth: DepthMap): number | null {
   const near_mm = known_mm[Math.floor(known_mm.length * NEAR_SHARE)];
   return near_mm === undefined ? null : near_mm / 1000;
 }
+
+/** How far what the camera looks at is: the median of the middle ninth of a map. */
+export function middleDepth(depth: DepthMap): number | null {
+  const { width_px, height_px, depth_mm } = depth;
+  const left = Math.floor(width_px / 3);
+  const top = Math.floor(height_px / 3);
+  const known_mm: number[] = [];
+  for (let y = top; y < height_px - top; y += 1) {
+    for (let x = left; x < width_px - left; x += 1) {
+      const mm = depth_mm[y * width_px + x] ?? 0;
+      if (mm > 0) known_mm.push(mm);
+    }
+  }
+  known_mm.sort((a, b) => a - b);
+  const middle_mm = known_mm[Math.floor(known_mm.length / 2)];
+  return middle_mm === undefined ? null : middle_mm / 1000;
+}

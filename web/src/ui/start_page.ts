@@ -9,16 +9,18 @@ export class StartPage {
     root.append(this.#box);
   }
 
-  /** Ask for the tap; resolves with it. */
-  ask(label: string): Promise<void> {
+  /** Ask for the tap; resolves with it. @param guided The targets say where views are wanted. */
+  ask(label: string, guided = false): Promise<void> {
     return new Promise((resolve) => {
       const start = make('button', { className: 'primary', type: 'button' }, label);
       start.onclick = () => {
         this.hide();
         resolve();
       };
-      this.#fill('Ready', make('p', {}, 'Walk around the scene. Press the shutter where it turns '
-        + 'red, until nothing is red any more.'), start,
+      this.#fill('Ready', make('p', {}, guided
+        ? 'Look at the whole scene first. Then targets appear: take a view at each of them.'
+        : 'Walk around the scene. Press the shutter where it turns red, until nothing is red any '
+          + 'more.'), start,
       make('a', { className: 'secondary', href: './?source=virtual' }, 'Try the virtual phone'));
     });
   }

@@ -5,7 +5,7 @@ import {
 } from '../../src/guidance/guide';
 import { hemisphere } from '../../src/guidance/hemisphere';
 import { planeStack, plenopticBound, plenopticGrid } from '../../src/guidance/plenoptic';
-import { DepthScan } from '../../src/guidance/scan';
+import { DepthScan, middleDepth } from '../../src/guidance/scan';
 import type { Camera as WireCamera } from '../../src/wire';
 import { jsonFixture } from '../fixtures';
 
@@ -22,7 +22,7 @@ interface GuideAnswers {
 interface Cases {
   readonly scans: readonly {
     readonly maps_mm: readonly (readonly number[])[];
-    readonly z_min_m: readonly number[];
+    readonly z_min_and_middle_m: readonly (readonly [number, number])[];
   }[];
   readonly guides: readonly {
     readonly camera: WireCamera;
@@ -95,10 +95,13 @@ describe('as Python answers', () => {
   test.each(cases.scans.map((one, i) => [i, one] as const))('scan %i', (_, one) => {
     const scan = new DepthScan();
     const found = one.maps_mm.map((map) => {
-      scan.add({ width_px: 16, height_px: 12, depth_mm: Uint16Array.from(map) });
-      return scan.zMin_m ?? -1;
+      const depth = { width_px: 16, height_px: 12, depth_mm: Uint16Array.from(map) };
+      scan.add(depth);
+      return [scan.zMin_m ?? -1, middleDepth(depth) ?? -1];
     });
-    found.forEach((zMin_m, i) => expect(zMin_m).toBeCloseTo(one.z_min_m[i] ?? NaN, DIGITS));
+    expect(found.length).toBe(one.z_min_and_middle_m.length);
+    found.flat().forEach((depth_m, i) =>
+      expect(depth_m).toBeCloseTo(one.z_min_and_middle_m.flat()[i] ?? NaN, DIGITS));
   });
 
   test.each(cases.guides.map((one, i) => [i, one] as const))('guides %i', (_, one) => {

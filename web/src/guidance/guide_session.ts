@@ -1,0 +1,233 @@
+/**
+ * A guided capture, from the scan to the last target. Pure but for what it is told: poses, depth maps
+ * and the views that were taken.
+ */
+
+import {
+  inverse, positionOf, resized, rigid, type Cam, type Camera, type Rigid, type World,
+} from '../geometry';
+import { motionBetween } from '../motion';
+import type { DepthMap } from '../sources/frame_source';
+import type { Options } from '../wire';
+import { nextTarget, numTaken, progress, withinReach, type Guide, type TakenBy } from './guide';
+import type { GuideOptions } from './guide_options';
+import { hemisphere } from './hemisphere';
+import { planeStack, plenopticBound, plenopticGrid, type PlenopticBound } from './plenoptic';
+import { DepthScan, middleDepth } from './scan';
+
+/** What a session is begun again with after a reload. */
+export interface GuideMemory {
+  load(): string | null;
+  save(text: string | null): void;
+}
+
+export type GuidePhase = 'scan' | 'capture' | 'done';
+
+export interface GuideState {
+  readonly phase: GuidePhase;
+  /** Least depth of the scan, so far or for good; null until three maps have confirmed one. */
+  readonly zMin_m: number | null;
+  /** Depth maps that took part in the scan. */
+  readonly scanned: number;
+  /** What the scan asks for, so far or for good. */
+  readonly bound: PlenopticBound | null;
+  /** Null until the targets are placed. */
+  readonly guide: Guide | null;
+  readonly takenBy: TakenBy;
+  readonly taken: number;
+  readonly next: number | null;
+  /** The target that a view would take now. */
+  readonly reach: number | null;
+  /** From the camera to the next target, in the camera's axes: right, down, ahead. */
+  readonly toNext_m: readonly [number, number, number] | null;
+}
+
+/** Where the targets were placed, and what of the scan they follow from. */
+interface Placement {
+  readonly worldFromAnchor: Rigid<World, Cam>;
+  readonly zMin_m: number;
+  readonly radius_m: number;
+  readonly bound: PlenopticBound;
+}
+
+/** More targets than this are no guidance; the side must be smaller, or the camera farther away. */
+export const MOST_TARGETS = 400;
+/** A depth map counts in the scan when the camera has moved by one of these since the last one. */
+const SCAN_STEP_M = 0.005;
+const SCAN_STEP_RAD = 0.01;
+/** Looking for depth costs a copy on phones, so not at every frame. */
+const SCAN_EVERY_FRAMES = 4;
+/** The automatic shutter waits until the camera has been held at a target for so long. */
+const HOLD_MS = 350;
+
+export class GuideSession {
+  autoShutter: boolean;
+  #scan = new DepthScan();
+  #lastScanned: Camera | null = null;
+  #lastMiddle_m: number | null = null;
+  #frames = 0;
+  #placement: Placement | null = null;
+  #guide: Guide | null = null;
+  #views: readonly unknown[] | null = null;
+  #takenBy: TakenBy = [];
+  #reachedAt_ms: number | null = null;
+  #state: GuideState = NOTHING;
+
+  constructor(
+    readonly options: GuideOptions, readonly mpi: Pick<Options, 'pixels' | 'num_planes'>,
+    readonly memory: GuideMemory,
+  ) {
+    this.autoShutter = options.autoShutter;
+    this.#remember();
+  }
+
+  get state(): GuideState {
+    return this.#state;
+  }
+
+  /** Tell a frame; `depth` is asked for only where it is needed. */
+  update(
+    time_ms: number, camera: Camera | null, depth: () => DepthMap | null,
+    views: readonly { readonly camera: Camera }[],
+  ): GuideState {
+    this.#frames += 1;
+    if (this.#guide === null) this.#look(camera, depth);
+    else if (this.#views !== views) {
+      this.#views = views;
+      this.#takenBy = progress(this.#guide, views.map((view) => view.camera));
+    }
+    this.#state = this.#stateOf(camera);
+    if (this.#state.reach === null) this.#reachedAt_ms = null;
+    else this.#reachedAt_ms ??= time_ms;
+    return this.#state;
+  }
+
+  /** The camera has been held at an open target for long enough. */
+  held(time_ms: number): boolean {
+    return this.autoShutter && this.#reachedAt_ms !== null
+      && time_ms - this.#reachedAt_ms >= HOLD_MS;
+  }
+
+  /** End the scan: the targets are put around where the camera is now. @returns A problem, or null. */
+  place(camera: Camera | null): string | null {
+    const { zMin_m, bound } = this.#state;
+    if (camera === null) return 'Tracking is lost; place the targets when it is back.';
+    if (zMin_m === null || bound === null) return 'Look around first, until the depth is known.';
+    const placement = {
+      worldFromAnchor: camera.worldFromCam, zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
+    };
+    const guide = this.#guideOf(placement);
+    if (guide.targets.length > MOST_TARGETS) {
+      return `The nearest thing is ${zMin_m.toFixed(2)} m away, which asks for `
+        + `${guide.targets.length} views. Scan again from farther off, or choose a smaller area.`;
+    }
+    this.#placement = placement;
+    this.#guide = guide;
+    this.#views = null;
+    this.memory.save(JSON.stringify({
+      kind: this.options.kind,
+      anchor: Array.from(placement.worldFromAnchor.rows),
+      zMin_m, radius_m: placement.radius_m, bound,
+    }));
+    return null;
+  }
+
+  /** Forget z_min and the targets; views that were taken stay. */
+  scanAgain(): void {
+    this.#scan = new DepthScan();
+    this.#lastScanned = null;
+    this.#placement = null;
+    this.#guide = null;
+    this.#takenBy = [];
+    this.memory.save(null);
+  }
+
+  #look(camera: Camera | null, depth: () => DepthMap | null): void {
+    if (camera === null || this.#frames % SCAN_EVERY_FRAMES !== 0) return;
+    if (this.#lastScanned !== null) {
+      // The same noise twice would confirm itself.
+      const { step_m, turn_rad } = motionBetween(this.#lastScanned, camera);
+      if (step_m < SCAN_STEP_M && turn_rad < SCAN_STEP_RAD) return;
+    }
+    const map = depth();
+    if (map === null) return;
+    this.#scan.add(map);
+    this.#lastScanned = camera;
+    this.#lastMiddle_m = middleDepth(map) ?? this.#lastMiddle_m;
+  }
+
+  #stateOf(camera: Camera | null): GuideState {
+    const guide = this.#guide;
+    const zMin_m = this.#placement?.zMin_m ?? this.#scan.zMin_m;
+    const bound = this.#placement?.bound ?? this.#boundOf(camera, zMin_m) ?? this.#state.bound;
+    const state = { zMin_m, scanned: this.#scan.frames, bound: zMin_m === null ? null : bound };
+    if (guide === null) return { ...NOTHING, ...state };
+    const taken = numTaken(this.#takenBy);
+    const next = camera === null ? this.#state.next : nextTarget(guide, camera, this.#takenBy);
+    return {
+      ...state,
+      phase: taken === guide.targets.length ? 'done' : 'capture',
+      guide,
+      takenBy: this.#takenBy,
+      taken,
+      next,
+      reach: camera === null ? null : withinReach(guide, camera, this.#takenBy),
+      toNext_m: camera === null || next === null ? null : offset(camera, guide.targets[next]),
+    };
+  }
+
+  /** Of the MPIs that are made of such pictures. */
+  #boundOf(camera: Camera | null, zMin_m: number | null): PlenopticBound | null {
+    if (camera === null || zMin_m === null) return null;
+    const { width_px, height_px } = camera.pinhole;
+    const scale = Math.sqrt(this.mpi.pixels / (width_px * height_px));
+    const small = resized(
+      camera.pinhole, Math.round(width_px * scale), Math.round(height_px * scale));
+    return plenopticBound(small, zMin_m, this.options.areaSide_m, this.mpi.num_planes);
+  }
+
+  #guideOf({ worldFromAnchor, bound, radius_m }: Placement): Guide {
+    const { kind, nearEnough, step_rad, extent_rad } = this.options;
+    switch (kind) {
+      case 'plenoptic': return plenopticGrid(worldFromAnchor, bound, nearEnough);
+      case 'planes': return planeStack(worldFromAnchor, bound, nearEnough);
+      case 'hemisphere':
+        return hemisphere(worldFromAnchor, { radius_m, step_rad, extent_rad }, nearEnough);
+      default: return kind satisfies never;
+    }
+  }
+
+  /** Go on where a reload interrupted. */
+  #remember(): void {
+    const text = this.memory.load();
+    if (text === null) return;
+    try {
+      const { kind, anchor, zMin_m, radius_m, bound } = JSON.parse(text) as {
+        kind: string; anchor: number[]; zMin_m: number; radius_m: number; bound: PlenopticBound;
+      };
+      if (kind !== this.options.kind || bound.areaSide_m !== this.options.areaSide_m) return;
+      this.#placement = { worldFromAnchor: rigid(anchor), zMin_m, radius_m, bound };
+      this.#guide = this.#guideOf(this.#placement);
+    } catch {
+      // Written by another version: the scan begins anew.
+      this.memory.save(null);
+    }
+  }
+}
+
+const NOTHING: GuideState = {
+  phase: 'scan', zMin_m: null, scanned: 0, bound: null, guide: null, takenBy: [], taken: 0,
+  next: null, reach: null, toNext_m: null,
+};
+
+/** The target's position in the camera's axes. */
+function offset(
+  camera: Camera, target: Rigid<World, Cam> | undefined,
+): readonly [number, number, number] | null {
+  if (target === undefined) return null;
+  const m = inverse(camera.worldFromCam).rows;
+  const [x, y, z] = positionOf({ ...camera, worldFromCam: target });
+  const axis = (r: number): number => (m[4 * r] ?? NaN) * x + (m[4 * r + 1] ?? NaN) * y
+    + (m[4 * r + 2] ?? NaN) * z + (m[4 * r + 3] ?? NaN);
+  return [axis(0), axis(1), axis(2)];
+}
