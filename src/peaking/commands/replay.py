@@ -21,14 +21,16 @@ COMPILED_AFTER = 2
 class Replay:
     """Walk a recording as a photographer who shoots whenever too much is red.
 
-    Takes the first frame, then every frame whose peaked share exceeds the threshold. Writes
-    overlay.mp4, frames.csv, summary.json, report.html and captured/ (a data set of the chosen
-    views).
+    Takes the first frame, then every frame whose peaked share exceeds the threshold. With --guide
+    it scans the recording for the nearest depth first, and takes the frames at the guide's targets.
+    Writes overlay.mp4, frames.csv, summary.json, report.html and captured/ (a data set of the
+    chosen views).
 
     Examples:
       peaking replay scenes/desk --out out/desk
       peaking replay scenes/desk --out out/paper --preset paper
       peaking replay ~/recordings/kitchen --out out/k --threshold 0.03 --overlay video
+      peaking replay scenes/desk --out out/llff --guide plenoptic --near 0.03
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
@@ -37,6 +39,14 @@ class Replay:
     """Folder to write; it must not exist, or be empty."""
     threshold: float = 0.0428
     """Peaked share, 0…1, above which a frame is captured (the paper's 4.28 %)."""
+    guide: Literal["plenoptic", "planes", "hemisphere"] | None = None
+    """Capture at the targets of a guide, LLFF's grid or another, instead of where it is red."""
+    area: float = 0.15
+    """Of the guide: side in metres of the square in which views are taken."""
+    near: float | None = None
+    """Of the guide: metres from a target that are near enough (a quarter of the spacing)."""
+    angle: float = 10.0
+    """Of the guide: degrees from a target's viewing direction that are near enough."""
     max_frames: int | None = None
     """Walk only so many frames."""
     overlay: Literal["mpi", "video", "peaks"] = "peaks"
@@ -57,6 +67,7 @@ class Replay:
         from tqdm import tqdm
 
         from peaking.datasets.nerfstudio import open_recording
+        from peaking.replay.guided import GuideChoice
         from peaking.replay.run import ReplayPlan, replay
         from peaking.replay.video import find_h264_encoder
 
@@ -71,6 +82,11 @@ class Replay:
             overlay=self.overlay,
             fps=self.fps,
             with_video=not self.no_video,
+            guide=None
+            if self.guide is None
+            else GuideChoice(
+                kind=self.guide, area_side_m=self.area, near_m=self.near, angle_deg=self.angle
+            ),
         )
         bar = tqdm(range(plan.num_frames), desc=STARTING, unit="frame")
 
@@ -85,5 +101,11 @@ class Replay:
         mean = summary.mean_peaked_share
         share = "" if mean is None else f", {mean:.2%} of the pixels red on average"
         print(f"captured {summary.captured} of {summary.frames} frames{share}")
+        guide = summary.settings.guide
+        if guide is not None:
+            print(
+                f"guide {guide['kind']}: nearest depth {guide['z_min_m']:.2f} m, "
+                f"{guide['reached']} of {guide['targets']} targets are on the recorded path"
+            )
         print(f"captured views: {self.out / 'captured'}")
         print(f"report: {(self.out / 'report.html').resolve()}")

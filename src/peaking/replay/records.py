@@ -80,6 +80,8 @@ class ReplaySettings:
         size_px: Width and height of the pictures that were compared.
         fps: Frames per second of the overlay video.
         threshold_share: A frame with a greater peaked share is captured.
+        guide: The guide whose targets were captured instead: its kind, how many targets it has and
+            how many were reached, and what they follow from. None without one.
     """
 
     version: str
@@ -89,6 +91,7 @@ class ReplaySettings:
     size_px: tuple[int, int]
     fps: float
     threshold_share: float
+    guide: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,6 +190,7 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
         "size_px": list(settings.size_px),
         "fps": settings.fps,
         "threshold_share": settings.threshold_share,
+        **({} if settings.guide is None else {"guide": _plain(settings.guide)}),
         "frames": summary.frames,
         "captured": summary.captured,
         "captured_indices": list(summary.captured_indices),

@@ -14,7 +14,7 @@ import numpy as np
 
 from peaking.replay.charts import MAX_POINTS, percent, share_chart
 from peaking.replay.path_map import MapView, map_view, path_map
-from peaking.replay.records import FrameRecord, ReplaySummary, write_text
+from peaking.replay.records import FrameRecord, ReplaySettings, ReplaySummary, write_text
 from peaking.replay.stills import Still, encode_stills
 
 PAGE_BYTES = 2_900_000
@@ -105,7 +105,7 @@ def _numbers(summary: ReplaySummary) -> str:
         ("Frames", str(summary.frames), "in the recording"),
         ("Captured", str(summary.captured), f"{part} of the frames"),
         ("Mean peaked share", percent(summary.mean_peaked_share), "of the picture"),
-        ("Threshold", percent(settings.threshold_share), "more than this: captured"),
+        _what_decided(settings),
         ("Preset", html.escape(settings.preset), f"peaking {html.escape(settings.version)}"),
     ]
     cells = "".join(
@@ -113,6 +113,14 @@ def _numbers(summary: ReplaySummary) -> str:
         for name, value, note in tiles
     )
     return f'<dl class="numbers">{cells}</dl>\n'
+
+
+def _what_decided(settings: ReplaySettings) -> tuple[str, str, str]:
+    guide = settings.guide
+    if guide is None:
+        return "Threshold", percent(settings.threshold_share), "more than this: captured"
+    reached = f"{guide['reached']} / {guide['targets']}"
+    return "Targets", reached, f"reached, of the guide “{html.escape(str(guide['kind']))}”"
 
 
 def _video(folder: Path) -> str:
@@ -242,12 +250,16 @@ def _figure(still: Still, record: FrameRecord | None, jpegs: tuple[bytes, bytes,
 def _options(summary: ReplaySummary) -> str:
     rows = "".join(
         f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>"
-        for name, value in _flat(summary.settings.options)
+        for name, value in _flat(_all_options(summary.settings))
     )
     return (
         f"<section><details><summary>Options of the preset “{html.escape(summary.settings.preset)}”"
         f' as used</summary><table class="options">{rows}</table></details></section>\n'
     )
+
+
+def _all_options(settings: ReplaySettings) -> dict[str, object]:
+    return {**settings.options, **({} if settings.guide is None else {"guide": settings.guide})}
 
 
 def _flat(options: Mapping[str, object], above: str = "") -> Iterator[tuple[str, str]]:

@@ -1,7 +1,7 @@
 """The virtual photographer: walk a recording, and capture where the error peaks say so.
 
 The first frame is captured; after it, every frame whose peaked share exceeds the threshold (paper,
-section 4.2).
+section 4.2). With a guide, the frames at its targets are, whatever is red (`guided`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from peaking.output import complete_or_absent
 from peaking.overlay import Overlay, draw, mpi_over_black
 from peaking.pipeline import LocalLightField, Seen
 from peaking.presets import Options
+from peaking.replay.guided import GuideChoice, GuidedWalk, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
@@ -57,6 +58,8 @@ class ReplayPlan:
     """The third picture of the video."""
     fps: float = 15.0
     with_video: bool = True
+    guide: GuideChoice | None = None
+    """Capture at the targets of a guide instead of where it is red."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold_share < 1:
@@ -82,10 +85,17 @@ class Step:
     record: FrameRecord
 
 
-def walk(plan: ReplayPlan, *, progress: Progress = iter) -> Iterator[Step]:
+def walk(
+    plan: ReplayPlan, *, guided: GuidedWalk | None = None, progress: Progress = iter
+) -> Iterator[Step]:
     """Walk the recording frame by frame.
 
     A frame without depth can be looked at but not captured; the next one with depth is.
+
+    Args:
+        plan: What to replay.
+        guided: The frames to capture, of the plan's guide; without it, those that are too red.
+        progress: Wraps the frame numbers.
 
     Raises:
         RecordingError: A frame cannot be read, or no frame has depth.
@@ -98,7 +108,10 @@ def walk(plan: ReplayPlan, *, progress: Progress = iter) -> Iterator[Step]:
         with stopwatch.stage("resize"):
             small = scene.prepare(frame)
         seen = scene.see(small.rgb, small.camera) if scene.views else None
-        wanted = seen is None or seen.errors.peaked_share > plan.threshold_share
+        if guided is None:
+            wanted = seen is None or seen.errors.peaked_share > plan.threshold_share
+        else:
+            wanted = index in guided.target_of_frame
         captured = wanted and frame.depth_m is not None
         if captured:
             scene.add_view(frame)
@@ -141,12 +154,13 @@ def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplayS
         ToolMissing: There is no program to encode the video with.
     """
     with complete_or_absent(out) as folder:
+        guided = _scanned(plan)
         records: list[FrameRecord] = []
         stills = StillPicker()
         size_px = (0, 0)
         with contextlib.ExitStack() as stack:
             video: tuple[OverlayVideo, VideoWriter] | None = None
-            for step in walk(plan, progress=progress):
+            for step in walk(plan, guided=guided, progress=progress):
                 panels = _panels(step, plan.overlay)
                 size_px = step.frame.camera.pinhole.size_px
                 if plan.with_video:
@@ -175,6 +189,9 @@ def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplayS
             size_px=size_px,
             fps=plan.fps,
             threshold_share=plan.threshold_share,
+            guide=None
+            if plan.guide is None or guided is None
+            else {"kind": plan.guide.kind, **guided.as_dict()},
         )
         summary = summarize(settings, records)
         write_recording_subset(plan.recording, summary.captured_indices, folder / "captured")
@@ -184,6 +201,12 @@ def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplayS
             folder / "report.html", summary=summary, records=records, stills=stills.stills()
         )
     return summary
+
+
+def _scanned(plan: ReplayPlan) -> GuidedWalk | None:
+    if plan.guide is None:
+        return None
+    return guided_walk(plan.recording, plan.guide, num_frames=plan.num_frames, options=plan.options)
 
 
 def _panels(step: Step, overlay: Overlay) -> Panels:
