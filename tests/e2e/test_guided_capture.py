@@ -6,12 +6,16 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from live_server import LiveServer, chromium
+
+ORANGE = (255, 168, 26)
+"""COLOURS.right of web/src/guidance/marks.ts, of the next target, which is drawn opaque."""
 
 GRID = "source=virtual&guide=plenoptic&area=0.12&depth=exact"
 
@@ -61,6 +65,13 @@ class GuidedPage(VirtualPhonePage):
         self.wait_for(lambda: self.guide()["phase"] == "capture")
         return self.guide()
 
+    def axes_px(self) -> int:
+        """Count the pixels of the picture that have the orange of the marks' first axis."""
+        shot = cv2.imdecode(np.frombuffer(self.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert shot is not None
+        away = np.abs(shot[..., ::-1].astype(int) - ORANGE).max(axis=-1)
+        return int((away < 6).sum())
+
     def poses_of(self, targets: list[list[float]]) -> list[list[float]]:
         """Return where to hold the phone for each target of a grid that was placed at `moved()`.
 
@@ -78,6 +89,7 @@ def test_targets_disappear_one_by_one(context: BrowserContext, server: LiveServe
     assert 0.2 < scanned["zMin_m"] < 1.5
     assert phone.views() == []
 
+    without_axes_px = phone.axes_px()
     placed = phone.place()
     targets = placed["targets"]
     focal_px = 294 / 2 / placed["bound"]["tanHalfFov"]
@@ -85,6 +97,7 @@ def test_targets_disappear_one_by_one(context: BrowserContext, server: LiveServe
     assert len(targets) == placed["bound"]["viewsPerSide"] ** 2 == 4
     phone.let_pass(6)
     phone.keep_picture("guide-3-targets")
+    assert phone.axes_px() > without_axes_px + 50
     for count, target in enumerate(phone.poses_of(targets), start=1):
         phone.hold(target)
         assert phone.guide()["reach"] == count - 1
@@ -93,8 +106,9 @@ def test_targets_disappear_one_by_one(context: BrowserContext, server: LiveServe
         phone.shoot()
         phone.wait_for(lambda count=count: phone.guide()["taken"] == count)
     assert phone.guide()["phase"] == "done"
-    phone.let_pass(10)
+    phone.hold(moved())
     phone.keep_picture("guide-5-done")
+    assert phone.axes_px() <= without_axes_px
     assert phone.problems == []
 
 

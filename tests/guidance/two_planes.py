@@ -11,12 +11,15 @@ draws docs/images/plenoptic.svg.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.guidance import PlenopticBound
+from peaking.guidance.viewing import Viewing, extended_bound
 from peaking.mpi import Mpi
 from peaking.render import Backend, render
 from peaking.render.blend import blend
@@ -94,3 +97,74 @@ def _stripes(row: np.ndarray, period_px: float) -> complex:
     basis = np.stack([np.cos(phase), np.sin(phase), np.ones_like(phase)], axis=-1)
     cosine, sine, _ = np.linalg.lstsq(basis, row[inside].astype(np.float64), rcond=None)[0]
     return complex(cosine, -sine)
+
+
+FIGURE = Path(__file__).parents[2] / "docs" / "images" / "plenoptic.svg"
+SHOWN = (
+    ("eyes at 1.6 m", "#8a5a00", Viewing(eye_m=1.6)),
+    (
+        "a screen of 40 pixels per inch",
+        "#1d5fc4",
+        Viewing(display_ppi=40.0, display_width_px=100.0),
+    ),
+    ("20 cm/s", "#7a3fb0", Viewing(speed_m_per_s=0.2)),
+)
+"""What limits, its colour, and how."""
+
+STYLE = """
+text { font: 13px system-ui, "Segoe UI", Roboto, "Liberation Sans", sans-serif; fill: #4a5462; }
+.grid { stroke: #dde1e7; } .law { fill: none; stroke: #14181f; stroke-width: 2; }
+.bound { stroke: #14181f; stroke-dasharray: 6 4; fill: none; }"""
+
+
+def figure() -> str:
+    """Draw what is left of the finest detail over the spacing: predicted and rendered."""
+    left, right, top, bottom, most = 56.0, 620.0, 24.0, 330.0, 3.0
+
+    def x_px(share: float) -> float:
+        return left + (right - left) * share / most
+
+    def y_px(contrast: float) -> float:
+        return bottom - (bottom - top) * contrast
+
+    parts: list[str] = []
+    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+        parts.append(f'<path class="grid" d="M{left:g} {y_px(tick):.1f}H{right:g}"/>')
+        parts.append(
+            f'<text x="{left - 8:g}" y="{y_px(tick) + 4:.1f}" text-anchor="end">{tick:g}</text>'
+        )
+    parts += [
+        f'<text x="{x_px(share):.1f}" y="{bottom + 18:g}" text-anchor="middle">{share:g}</text>'
+        for share in (0.0, 1.0, 2.0, 3.0)
+    ]
+    parts.append(
+        f'<path class="bound" d="M{x_px(1):.1f} {bottom:g}V{y_px(math.sqrt(0.5)):.1f}H{left:g}"/>'
+        f'<text x="{right:g}" y="{bottom + 38:g}" text-anchor="end">spacing / spacing of the '
+        f'extended bound</text><text x="8" y="14">contrast that is left of the finest detail</text>'
+    )
+    shares = np.linspace(0, most, 121)
+    law = [f"{x_px(s):.1f} {y_px(abs(math.cos(math.pi / 4 * s))):.1f}" for s in shares.tolist()]
+    parts.append(f'<path class="law" d="M{"L".join(law)}"/>')
+    fine = replace(PlenopticBound(), num_planes=8, width_px=4 * PlenopticBound().width_px)
+    for line, (words, colour, viewing) in enumerate(SHOWN):
+        bound = extended_bound(fine, viewing)
+        for share in (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25):
+            near, far = blended(bound, share * bound.spacing_m, 2 * bound.detail_px)
+            for surface, fill in ((near, colour), (far, "#fff")):
+                parts.append(
+                    f'<circle cx="{x_px(share):.1f}" cy="{y_px(surface.contrast):.1f}" '
+                    f'r="{6.5 - 1.5 * line:g}" fill="{fill}" stroke="{colour}" stroke-width="1.6" '
+                    f'fill-opacity="0.5"/>'
+                )
+        y = top + 18 + 20 * line
+        parts.append(f'<circle cx="400" cy="{y - 4:g}" r="5" fill="{colour}"/>')
+        parts.append(f'<text x="412" y="{y:g}">{words}</text>')
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 376" width="640" height="376">'
+        f'<style>{STYLE}</style><rect width="640" height="376" fill="#fff"/>'
+        f"{''.join(parts)}</svg>\n"
+    )
+
+
+if __name__ == "__main__":
+    FIGURE.write_text(figure())
