@@ -61,6 +61,8 @@ class LiveServer:
     sessions: Path
     command: Sequence[str] = ("demo", "--no-open")
     port: int = 0
+    wrapped_in: Sequence[str] = ()
+    """A command that runs the server's command, such as one that mounts something for it."""
     said: list[str] = field(default_factory=list[str])
     address: str = ""
 
@@ -70,7 +72,7 @@ class LiveServer:
             pytest.fail("the web client is not built; run: make client")
         arguments = [*self.command, "--port", str(self.port), "--sessions", str(self.sessions)]
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PEAKING, *arguments],
+            [*self.wrapped_in, sys.executable, "-c", PEAKING, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Route
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
+from full_disks import any_full_disk
 from live_server import LiveServer, chromium
 from peaking.datasets.nerfstudio import open_recording
 
@@ -34,14 +35,14 @@ def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
     server.stop()
 
 
-def only_session(server: LiveServer) -> Path:
-    (log,) = server.sessions.glob("*/log.jsonl")
+def only_session(sessions: Path) -> Path:
+    (log,) = sessions.glob("*/log.jsonl")
     return log.parent
 
 
-def stored_ids(server: LiveServer) -> list[str]:
+def stored_ids(sessions: Path) -> list[str]:
     """Return the ids of all captures that the session's log has, in order, repetitions too."""
-    lines = (only_session(server) / "log.jsonl").read_text().splitlines()
+    lines = (only_session(sessions) / "log.jsonl").read_text().splitlines()
     events = [json.loads(line) for line in lines]
     return [event["id"] for event in events if event["type"] == "CaptureStored"]
 
@@ -74,7 +75,7 @@ def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     assert undone > after
 
     phone.page.wait_for_timeout(500)
-    recording = open_recording(only_session(server))
+    recording = open_recording(only_session(server.sessions))
     assert len(recording) == 1
     assert recording.read(0).depth_m is not None
     assert phone.problems == []
@@ -95,7 +96,7 @@ def test_offline_for_a_minute_with_five_captures(
     phone.keep_picture("offline")
     context.set_offline(False)
     phone.wait_for(lambda: phone.states() == ["ready"] * 6)
-    assert stored_ids(server)[1:] == ids
+    assert stored_ids(server.sessions)[1:] == ids
     assert phone.problems == []
 
 
@@ -114,8 +115,8 @@ def test_a_reload_in_the_middle_loses_nothing(context: BrowserContext, server: L
     assert [view["id"] for view in phone.views()[1:]] == ids
     page.unroute("**/captures/*")
     phone.wait_for(lambda: phone.states() == ["ready"] * 3)
-    assert stored_ids(server)[1:] == ids
-    assert len(set(stored_ids(server))) == 3
+    assert stored_ids(server.sessions)[1:] == ids
+    assert len(set(stored_ids(server.sessions))) == 3
 
 
 def test_the_server_may_be_killed_and_started_again(
@@ -129,32 +130,36 @@ def test_the_server_may_be_killed_and_started_again(
     assert phone.states()[1] in ("waiting", "uploading")
     server.start()
     phone.wait_for(lambda: phone.states() == ["ready"] * 2)
-    assert stored_ids(server) == [first, second]
+    assert stored_ids(server.sessions) == [first, second]
     phone.let_pass(3)
     assert phone.problems == []
 
 
 def test_a_full_disk_keeps_the_capture_on_the_phone(
-    context: BrowserContext, server: LiveServer
+    context: BrowserContext, tmp_path: Path
 ) -> None:
-    page = context.new_page()
-    phone = VirtualPhonePage(page, server.address)
-
-    def full(route: Route) -> None:
-        if route.request.method == "POST":
-            problem = {"problem": "The disk of the server is full; free some space."}
-            route.fulfill(status=507, json=problem)
-        else:
-            route.continue_()
-
-    page.route("**/captures/*", full)
-    view_id = phone.shoot()
-    page.get_by_text("disk", exact=False).first.wait_for()
-    phone.keep_picture("disk-full")
-    assert phone.states() == ["waiting"]
-    page.unroute("**/captures/*")
-    phone.wait_for(lambda: phone.states() == ["ready"])
-    assert stored_ids(server) == [view_id]
+    disk = any_full_disk(tmp_path)
+    sessions = tmp_path / "sessions"
+    server = LiveServer(sessions, wrapped_in=disk.wrap(sessions)).start()
+    try:
+        page = context.new_page()
+        phone = VirtualPhonePage(page, server.address)
+        first = phone.shoot_and_wait()
+        disk.fill(server)
+        second = phone.shoot()
+        page.get_by_text("disk", exact=False).first.wait_for()
+        phone.keep_picture("disk-full")
+        assert phone.states() == ["ready", "waiting"]
+        page.reload(wait_until="commit")  # it is on the phone's disk, not only in its memory
+        phone.wait_until_running()
+        page.get_by_text("disk", exact=False).first.wait_for()
+        assert [view["id"] for view in phone.views()] == [first, second]
+        assert phone.states()[1] == "waiting"
+        disk.free(server)
+        phone.wait_for(lambda: phone.states() == ["ready"] * 2)
+        assert stored_ids(disk.sessions(server)) == [first, second]
+    finally:
+        server.stop()
 
 
 def test_it_works_on_a_small_screen(browser: Browser, server: LiveServer) -> None:

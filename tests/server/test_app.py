@@ -187,7 +187,7 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(OpenSession, "_write", full)
+        patch.setattr("peaking.server.sessions.write_durably", full)
         answer = client.post(capture_path(1), content=upload(1))
     assert answer.status_code == 507
     assert "phone holds the capture" in answer.json()["problem"]

@@ -20,7 +20,8 @@ from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import RecordingError
 from peaking.server import wire
 from peaking.server.dataset import zip_stream
-from peaking.server.sessions import DiskFull, OpenSession, SessionStore, UnknownCapture
+from peaking.server.durable import DiskFull
+from peaking.server.sessions import OpenSession, SessionStore, UnknownCapture
 from peaking.server.upload import parse_upload
 
 

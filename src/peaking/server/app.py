@@ -31,17 +31,12 @@ from peaking.server import wire
 from peaking.server.answers import json_answer, problem
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
+from peaking.server.durable import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
 from peaking.server.generation import GenerationQueue
 from peaking.server.openapi import document
 from peaking.server.recordings import PlayedRecording
-from peaking.server.sessions import (
-    DiskFull,
-    OpenSession,
-    SessionStore,
-    UnknownCapture,
-    UnknownSession,
-)
+from peaking.server.sessions import OpenSession, SessionStore, UnknownCapture, UnknownSession
 from peaking.server.upload import BadUpload, parse_upload
 
 MOST_JSON_BYTES = 1_000_000
@@ -235,8 +230,8 @@ class _Handlers:
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.capture(_id(request, "capture"))
-        path = await run_in_threadpool(_thumbnail, session, capture)
-        return _file(path, "image/jpeg")
+        data = await run_in_threadpool(_thumbnail, session, capture)
+        return Response(data, media_type="image/jpeg", headers=_LASTING)
 
     # Recordings
 
@@ -435,13 +430,15 @@ def _event_stream(stream: Any) -> Response:
     )
 
 
-def _thumbnail(session: OpenSession, capture: wire.Capture) -> Path:
+def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:
     path = session.folder / "mpi" / f"{capture.number:06d}.thumbnail.jpg"
-    if not path.is_file():
-        rgb = read_picture(session.photo_path(capture.id))
-        height, width = rgb.shape[:2]
-        scale = min(THUMBNAIL_PX / max(height, width), 1.0)
-        size = (max(round(width * scale), 1), max(round(height * scale), 1))
-        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        write_atomically(path, encode_jpeg(small, quality=85))
-    return path
+    if path.is_file():
+        return path.read_bytes()
+    rgb = read_picture(session.photo_path(capture.id))
+    height, width = rgb.shape[:2]
+    scale = min(THUMBNAIL_PX / max(height, width), 1.0)
+    size = (max(round(width * scale), 1), max(round(height * scale), 1))
+    data = encode_jpeg(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), quality=85)
+    with contextlib.suppress(DiskFull), room_explained():  # made again when it is asked for again
+        write_atomically(path, data)
+    return data

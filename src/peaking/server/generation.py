@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import queue
 import threading
@@ -16,9 +17,13 @@ from peaking.mpi_file import encode
 from peaking.pipeline import LocalLightField
 from peaking.presets import Options
 from peaking.server import wire
+from peaking.server.durable import DiskFull
 from peaking.server.sessions import OpenSession
 
 CAPACITY = 64
+ROOM_AGAIN_S = 5.0
+"""So long after the disk was full it is tried again, where there is nothing else to do."""
+NO_ROOM = "The server's disk is full: the photo is safe there, but joins only when there is room."
 _log = logging.getLogger("peaking.server")
 
 Done = Callable[[OpenSession, wire.Capture], None]
@@ -45,6 +50,8 @@ class GenerationQueue:
         self._on_done = on_done
         self._capacity = capacity
         self._waiting: queue.SimpleQueue[tuple[OpenSession, str] | None] = queue.SimpleQueue()
+        self._short_of_room: queue.SimpleQueue[tuple[OpenSession, str]] = queue.SimpleQueue()
+        self._disk_full = False
         self._warm = threading.Event()
         self._threads = [
             threading.Thread(target=self._work, name=f"mpi-{number}", daemon=True)
@@ -88,18 +95,37 @@ class GenerationQueue:
         field = LocalLightField(self._options)
         encode(field.mpi_of(_small_frame()))
         self._warm.set()
-        while (item := self._waiting.get()) is not None:
+        while (item := self._next()) is not None:
             session, capture_id = item
-            self._on_done(session, self._make(field, session, capture_id))
+            try:
+                self._on_done(session, self._make(field, session, capture_id))
+            except Exception:  # whatever it is, the next capture must be served
+                _log.exception("capture %s was not served to the end", capture_id)
+
+    def _next(self) -> tuple[OpenSession, str] | None:
+        """Wait for a capture; when none comes, take one that the disk had no room for."""
+        while True:
+            try:
+                waits_s = ROOM_AGAIN_S if self._disk_full else 0.0
+                waits_s = None if self._short_of_room.empty() else waits_s
+                return self._waiting.get(timeout=waits_s)
+            except queue.Empty:
+                with contextlib.suppress(queue.Empty):  # another thread may have taken it
+                    return self._short_of_room.get_nowait()
 
     def _make(self, field: LocalLightField, session: OpenSession, capture_id: str) -> wire.Capture:
         try:
             capture = session.capture(capture_id)
             if capture.removed or capture.state == "ready":
                 return capture
-            return session.mark_ready(
-                capture_id, encode(field.mpi_of(session.frame_of(capture_id)))
-            )
+            mpi = encode(field.mpi_of(session.frame_of(capture_id)))
+            ready = session.mark_ready(capture_id, mpi)
+            self._disk_full = False
+            return ready
+        except DiskFull:
+            self._disk_full = True
+            self._short_of_room.put((session, capture_id))
+            return session.mark_failed(capture_id, NO_ROOM)
         except PeakingError as error:
             return session.mark_failed(capture_id, str(error))
         except Exception:  # whatever it is, the next capture must be served

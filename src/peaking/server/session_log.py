@@ -5,7 +5,6 @@ What stands in it has happened; everything else in a session's folder follows fr
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ import msgspec
 
 from peaking.errors import RecordingError
 from peaking.server import wire
+from peaking.server.durable import append
 
 FILE_NAME = "log.jsonl"
 VERSION = 1
@@ -76,22 +76,7 @@ class SessionLog:
         Raises:
             OSError: It could not be written; the log is as it was before.
         """
-        line = msgspec.json.encode(event) + b"\n"
-        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            size = os.fstat(descriptor).st_size
-            try:
-                rest = memoryview(line)
-                while rest:
-                    rest = rest[os.write(descriptor, rest) :]
-                os.fsync(descriptor)
-            except BaseException:
-                with contextlib.suppress(OSError):
-                    os.ftruncate(descriptor, size)
-                    os.fsync(descriptor)
-                raise
-        finally:
-            os.close(descriptor)
+        append(self.path, msgspec.json.encode(event) + b"\n", durably=True)
 
     def read(self) -> Iterator[AnyEvent]:
         """Yield all events, and cut off a last line that a crash left unfinished.

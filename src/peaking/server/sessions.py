@@ -8,26 +8,35 @@ missing. An undo moves files to `removed/`; nothing is deleted.
 from __future__ import annotations
 
 import contextlib
-import errno
+import logging
 import os
+import shutil
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
 from peaking.datasets.stored_images import read_depth, read_picture
-from peaking.errors import PeakingError, RecordingError
+from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.frame import Frame
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
+from peaking.server.durable import (
+    DiskFull,
+    append,
+    flush_names,
+    room_explained,
+    write_durably,
+)
 from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+TRANSFORMS = "transforms.json"
 FOLDERS = ("images", "depth", "mpi", "removed/images", "removed/depth")
+_log = logging.getLogger("peaking.server")
 
 
 class UnknownSession(PeakingError):
@@ -36,10 +45,6 @@ class UnknownSession(PeakingError):
 
 class UnknownCapture(PeakingError):
     """There is no capture of this id in the session."""
-
-
-class DiskFull(PeakingError):
-    """There is no room for a capture; nothing of it was kept."""
 
 
 class OpenSession:
@@ -157,7 +162,7 @@ class OpenSession:
     def dataset_files(self) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone."""
         with self._lock:
-            files: list[tuple[str, Path | bytes]] = [("transforms.json", self._transforms())]
+            files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms())]
             for capture in self._captures.values():
                 if capture.removed:
                     continue
@@ -188,19 +193,25 @@ class OpenSession:
                 return self._captures[capture_id], False
             number = self._number + 1
             header = upload.header
-            with _room_explained():
-                self._write(photo_name(number), upload.photo)
-                if upload.depth_mm is not None:
-                    self._write(depth_name(number), encode_png(upload.depth_mm))
-                stored = session_log.CaptureStored(
-                    at_s=self._clock(),
-                    id=capture_id,
-                    number=number,
-                    camera=header.camera,
-                    time_s=header.time_s,
-                    depth=upload.depth_mm is not None,
-                )
-                self._log.append(stored)
+            stored = session_log.CaptureStored(
+                at_s=self._clock(),
+                id=capture_id,
+                number=number,
+                camera=header.camera,
+                time_s=header.time_s,
+                depth=upload.depth_mm is not None,
+            )
+            photo, depth = self.folder / photo_name(number), self.folder / depth_name(number)
+            try:
+                with room_explained():
+                    write_durably(photo, upload.photo)
+                    if upload.depth_mm is not None:
+                        write_durably(depth, encode_png(upload.depth_mm))
+                    self._log.append(stored)
+            except DiskFull:
+                photo.unlink(missing_ok=True)
+                depth.unlink(missing_ok=True)
+                raise
             self._replay(stored)
             return self._captures[capture_id], True
 
@@ -209,20 +220,26 @@ class OpenSession:
 
         Raises:
             UnknownCapture: It is not here.
+            DiskFull: There is no room to note it.
         """
         with self._lock:
             capture = self.capture(capture_id)
             if not capture.removed:
                 event = session_log.CaptureRemoved(at_s=self._clock(), id=capture_id)
-                with _room_explained():
+                with room_explained():
                     self._log.append(event)
                 self._replay(event)
                 self._move_aside(self._captures[capture_id])
             return self._captures[capture_id]
 
     def mark_ready(self, capture_id: str, mpi: bytes) -> wire.Capture:
-        """Keep the MPI of a capture."""
-        write_atomically(self.mpi_path(capture_id), mpi)
+        """Keep the MPI of a capture.
+
+        Raises:
+            DiskFull: There is no room for it.
+        """
+        with room_explained():
+            write_atomically(self.mpi_path(capture_id), mpi)
         return self._change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
@@ -233,7 +250,7 @@ class OpenSession:
         """Give the session another name."""
         with self._lock:
             event = session_log.SessionNamed(at_s=self._clock(), name=name)
-            with _room_explained():
+            with room_explained():
                 self._log.append(event)
             self._replay(event)
 
@@ -241,25 +258,38 @@ class OpenSession:
         """Say that it is finished, or that it goes on."""
         with self._lock:
             event = session_log.SessionFinished(at_s=self._clock(), finished=finished)
-            with _room_explained():
+            with room_explained():
                 self._log.append(event)
             self._replay(event)
 
     def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
-        """Append what a phone told; not waited for until it is on the disk."""
+        """Append what a phone told; not waited for until it is on the disk.
+
+        Raises:
+            DiskFull: There is no room; none of it was kept.
+        """
         if not samples:
             return
         lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in samples)
-        with self._lock, (self.folder / "peaked.jsonl").open("ab") as file:
-            file.write(lines)
+        with self._lock:
+            with room_explained():
+                append(self.folder / "peaked.jsonl", lines, durably=False)
             self.peaked_share = samples[-1].peaked_share
 
     def refresh_dataset(self) -> None:
-        """Write transforms.json anew when it is not what it should be."""
+        """Write transforms.json anew when it is not what it should be.
+
+        On a full disk the old one stays until the next time: it follows from the log.
+        """
         with self._lock:
-            path, wanted = self.folder / "transforms.json", self._transforms()
-            if not path.is_file() or path.read_bytes() != wanted:
-                write_atomically(path, wanted)
+            path, wanted = self.folder / TRANSFORMS, self._transforms()
+            if path.is_file() and path.read_bytes() == wanted:
+                return
+            try:
+                with room_explained():
+                    write_atomically(path, wanted)
+            except DiskFull:
+                _log.warning("%s is not up to date: the disk is full", path)
 
     # Inside
 
@@ -334,21 +364,6 @@ class OpenSession:
                 self._entries[capture.id] = frame_json(capture, has_depth=has_depth)
         return transforms_json(self._entries[capture.id] for capture in kept)
 
-    def _write(self, name: str, data: bytes) -> None:
-        """Write a file so that it is on the disk under its name; what stood there is replaced."""
-        target = self.folder / name
-        partial = target.with_name(f".{target.name}.partial")
-        try:
-            with partial.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(target)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
-        _flush_names(target.parent)
-
 
 class SessionStore:
     """All sessions below one folder."""
@@ -370,7 +385,7 @@ class SessionStore:
             try:
                 session = OpenSession(log.parent, clock=clock)
                 self._sessions[session.id] = session
-            except (RecordingError, OSError) as error:
+            except (RecordingError, OutputError, OSError) as error:
                 self.problems.append(str(error))
 
     def sessions(self) -> list[OpenSession]:
@@ -390,7 +405,11 @@ class SessionStore:
             return self._sessions[session_id]
 
     def begin(self, new: wire.NewSession) -> tuple[OpenSession, bool]:
-        """Return the session of this id, and whether it was made now."""
+        """Return the session of this id, and whether it was made now.
+
+        Raises:
+            DiskFull: There is no room; nothing of it was kept.
+        """
         with self._lock:
             if new.id in self._sessions:
                 return self._sessions[new.id], False
@@ -401,37 +420,20 @@ class SessionStore:
             if folder.exists():
                 folder = self.root / f"{when}_{new.id}"
             hidden = folder.with_name(f".{folder.name}.partial")
-            with _room_explained():
-                hidden.mkdir(exist_ok=True)
-                (hidden / session_log.FILE_NAME).unlink(missing_ok=True)
-                begun = session_log.SessionBegun(
-                    at_s=now_s, version=session_log.VERSION, session=new
-                )
-                SessionLog(hidden / session_log.FILE_NAME).append(begun)
-                hidden.rename(folder)
-                _flush_names(self.root)
-                session = OpenSession(folder, clock=self._clock)
+            begun = session_log.SessionBegun(at_s=now_s, version=session_log.VERSION, session=new)
+            try:
+                with room_explained():
+                    hidden.mkdir(exist_ok=True)
+                    (hidden / session_log.FILE_NAME).unlink(missing_ok=True)
+                    for name in FOLDERS:
+                        (hidden / name).mkdir(parents=True, exist_ok=True)
+                    write_atomically(hidden / TRANSFORMS, transforms_json(()))
+                    SessionLog(hidden / session_log.FILE_NAME).append(begun)
+                    hidden.rename(folder)
+            except DiskFull:
+                shutil.rmtree(hidden, ignore_errors=True)
+                raise
+            flush_names(self.root)
+            session = OpenSession(folder, clock=self._clock)
             self._sessions[new.id] = session
             return session, True
-
-
-@contextlib.contextmanager
-def _room_explained() -> Generator[None, None, None]:
-    """Turn "no space left" into a sentence."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in _FULL:
-            raise DiskFull(
-                "The server's disk is full; nothing of this was kept there. Free some space: the "
-                "phone holds the capture until then."
-            ) from error
-        raise
-
-
-def _flush_names(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
