@@ -232,3 +232,48 @@ def test_a_shader_that_does_not_compile_says_where(page: Page) -> None:
     message = page.evaluate("core.brokenShader()")
     assert "nonsense" in message
     assert "  3   gl_Position = nonsense;" in message
+
+
+def depth_on_the_card(kind: str, layers: int | None, turn: str) -> dict[str, Any]:
+    """Return depth of 6 × 4 texels with what devices give in the place of unknown distances."""
+    random = np.random.default_rng(3)
+    mm = random.integers(1, 65536, (4, 6))
+    mm[0, :4] = (0, 255, 256, 65535)
+    data: np.ndarray = mm.astype("<u2")
+    if kind == "float32":
+        data = (mm / 1000).astype("<f4")
+        data[1, :4] = (np.nan, np.inf, -1.0, 66.0)
+    matrix = {  # columns of a 4 × 4 matrix: from the picture to the buffer
+        "as it is": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+        "turned": [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1],
+        "turned and cropped": [0, -0.6, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0.8, 0, 1],
+        "beyond": [1.4, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -0.2, 0, 0, 1],
+    }[turn]
+    return {
+        "format": kind,
+        "layers": layers,
+        "width": 6,
+        "height": 4,
+        "data": base64_of(data.tobytes()),
+        "raw_value_to_meters": 1.0 if kind == "float32" else 0.001,
+        "matrix": matrix,
+        "aspect": 4 / 6 if turn.startswith("turned") else 6 / 4,
+    }
+
+
+@pytest.mark.parametrize("turn", ["as it is", "turned", "turned and cropped", "beyond"])
+@pytest.mark.parametrize("layers", [None, 2])
+@pytest.mark.parametrize("kind", ["luminance-alpha", "unsigned-short", "float32"])
+def test_depth_that_is_only_a_texture_is_read_as_depth_in_memory(
+    page: Page, kind: str, layers: int | None, turn: str
+) -> None:
+    depth = depth_on_the_card(kind, layers, turn)
+    answer = page.evaluate("depth => core.headsetDepth(depth)", depth)
+    assert answer["gl_error"] == 0
+    assert answer["asked"]["depthSensing"]["usagePreference"] == ["cpu-optimized", "gpu-optimized"]
+    assert answer["read"] == answer["in_memory"]
+    assert sum(mm > 0 for mm in answer["read"]["depth_mm"]) > 6
+    if turn == "beyond":
+        assert answer["read"]["depth_mm"][0] == 0
+    if turn == "as it is" and kind != "float32":
+        assert answer["read"]["depth_mm"][:4] == [0, 255, 256, 65535]

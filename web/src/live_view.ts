@@ -154,7 +154,7 @@ export class LiveView implements Disposable {
   #lookForDepth(frame: LiveFrame): void {
     if (frame.camera === null) return;
     if (this.#hasDepth && this.#frames % DEPTH_EVERY_FRAMES !== 0) return;
-    this.#hasDepth = frame.depth() !== null;
+    this.#hasDepth = frame.hasDepth();
     this.#framesWithoutDepth = this.#hasDepth ? 0 : this.#framesWithoutDepth + 1;
   }
 

@@ -2,14 +2,18 @@
 
 import type { DepthMap } from './frame_source';
 
-/** The part of `XRCPUDepthInformation` that is needed. */
-export interface RawDepth {
+/** The part of `XRDepthInformation` that is needed: how a buffer of depth lies in the view. */
+export interface DepthGeometry {
   readonly width: number;
   readonly height: number;
-  readonly data: ArrayBuffer;
   readonly rawValueToMeters: number;
   /** From normalized view coordinates (top left origin) to normalized depth coordinates. */
   readonly normDepthBufferFromNormView: { readonly matrix: Float32Array };
+}
+
+/** The part of `XRCPUDepthInformation` that is needed. */
+export interface RawDepth extends DepthGeometry {
+  readonly data: ArrayBuffer;
 }
 
 export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
@@ -44,7 +48,9 @@ export function depthMapOf(raw: RawDepth, format: DepthFormat, aspect: number): 
 }
 
 /** As many texels as the buffer has in the picture, in the picture's aspect. */
-function sizeInView(raw: RawDepth, aspect: number): { width_px: number; height_px: number } {
+export function sizeInView(
+  raw: DepthGeometry, aspect: number,
+): { readonly width_px: number; readonly height_px: number } {
   const m = raw.normDepthBufferFromNormView.matrix;
   const across = Math.hypot(at(m, 0) * raw.width, at(m, 1) * raw.height);
   const down = Math.hypot(at(m, 4) * raw.width, at(m, 5) * raw.height);

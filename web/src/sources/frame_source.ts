@@ -34,6 +34,8 @@ export interface LiveFrame {
   /** Where to draw. */
   readonly framebuffer: WebGLFramebuffer | null;
   readonly viewport: Viewport;
+  /** Whether `depth()` would give something; costs less. */
+  hasDepth(): boolean;
   /** Depth of this very frame, resampled to the picture's field of view; null when there is none yet. */
   depth(): DepthMap | null;
 }

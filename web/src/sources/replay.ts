@@ -179,6 +179,10 @@ class ReplayFrame implements LiveFrame {
     return true;
   }
 
+  hasDepth(): boolean {
+    return this.#depth !== null;
+  }
+
   depth(): DepthMap | null {
     return this.#depth;
   }

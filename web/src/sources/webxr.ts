@@ -8,6 +8,7 @@ import { depthMapOf, type DepthFormat, type RawDepth } from './depth';
 import {
   SourceError, type DepthMap, type FrameSource, type LiveFrame, type SourceKind, type Viewport,
 } from './frame_source';
+import { GpuDepthReader, type DepthTexture } from './gpu_depth';
 import { sessionInit } from './session_init';
 
 /** Raw camera access, which the types do not know yet. */
@@ -17,10 +18,19 @@ interface CameraView extends XRView {
 
 interface CameraBinding {
   getCameraImage(camera: { readonly width: number; readonly height: number }): WebGLTexture | null;
+  /** Depth as a texture. */
+  getDepthInformation(view: XRView): DepthTexture | null;
 }
 
 interface DepthFrame {
+  /** Depth in memory. */
   getDepthInformation(view: XRView): RawDepth | null;
+}
+
+/** Depth sensing, which the types do not know yet; all is undefined where it was not granted. */
+interface DepthSession {
+  readonly depthUsage?: 'cpu-optimized' | 'gpu-optimized';
+  readonly depthDataFormat?: DepthFormat;
 }
 
 export interface WebXrOptions {
@@ -49,7 +59,7 @@ async function run(
     const layer = new XRWebGLLayer(session, gl, { alpha: false, antialias: false, depth: false });
     await session.updateRenderState({ baseLayer: layer });
     const space = await session.requestReferenceSpace('local');
-    const frame = new XrLiveFrame(session, layer, gl);
+    using frame = new XrLiveFrame(session, layer, gl);
     await new Promise<void>((resolve, reject) => {
       session.addEventListener('end', () => resolve());
       signal.addEventListener('abort', () => void session.end().catch(() => resolve()));
@@ -104,7 +114,7 @@ function sentenceOf(name: string): string {
   }
 }
 
-class XrLiveFrame implements LiveFrame {
+class XrLiveFrame implements LiveFrame, Disposable {
   time_ms = 0;
   camera: Camera | null = null;
   image: WebGLTexture | null = null;
@@ -112,13 +122,14 @@ class XrLiveFrame implements LiveFrame {
   viewport: Viewport = { x: 0, y: 0, width: 1, height: 1 };
 
   readonly #binding: CameraBinding;
+  #gpuDepth: GpuDepthReader | null = null;
   #xrFrame: XRFrame | null = null;
   #view: XRView | null = null;
 
   constructor(
     private readonly session: XRSession,
     private readonly layer: XRWebGLLayer,
-    gl: WebGL2RenderingContext,
+    private readonly gl: WebGL2RenderingContext,
   ) {
     this.#binding = new XRWebGLBinding(session, gl) as unknown as CameraBinding;
   }
@@ -145,16 +156,32 @@ class XrLiveFrame implements LiveFrame {
     this.image = this.#binding.getCameraImage(view.camera);
   }
 
+  hasDepth(): boolean {
+    return this.#rawDepth() !== null;
+  }
+
   depth(): DepthMap | null {
-    if (this.#xrFrame === null || this.#view === null || this.camera === null) return null;
+    const raw = this.#rawDepth();
+    const format = (this.session as DepthSession).depthDataFormat;
+    if (raw === null || format === undefined || this.camera === null) return null;
     const { width_px, height_px } = this.camera.pinhole;
+    if ('data' in raw) return depthMapOf(raw, format, width_px / height_px);
+    this.#gpuDepth ??= new GpuDepthReader(this.gl);
+    return this.#gpuDepth.read(raw, format, width_px / height_px);
+  }
+
+  [Symbol.dispose](): void {
+    this.#gpuDepth?.[Symbol.dispose]();
+  }
+
+  #rawDepth(): RawDepth | DepthTexture | null {
+    if (this.#xrFrame === null || this.#view === null) return null;
     try {
-      const raw = (this.#xrFrame as unknown as DepthFrame).getDepthInformation(this.#view);
-      if (raw === null) return null;
-      const format = (this.session as unknown as { depthDataFormat: DepthFormat }).depthDataFormat;
-      return depthMapOf(raw, format, width_px / height_px);
+      return (this.session as DepthSession).depthUsage === 'gpu-optimized'
+        ? this.#binding.getDepthInformation(this.#view)
+        : (this.#xrFrame as unknown as DepthFrame).getDepthInformation(this.#view);
     } catch {
-      // Not granted, or not of this kind: there is no depth, which is a state and not a fault.
+      // Not granted, or not for this frame: there is no depth, which is a state and not a fault.
       return null;
     }
   }

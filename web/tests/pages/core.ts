@@ -5,7 +5,10 @@ import { MpiDecoder } from '../../src/mpi/decoder';
 import { MpiStore } from '../../src/mpi/mpi_store';
 import { Program, ShaderError } from '../../src/render/program';
 import { ViewRenderer, type Look } from '../../src/render/view_renderer';
-import type { LiveFrame, Viewport } from '../../src/sources/frame_source';
+import { depthMapOf, type DepthFormat, type DepthGeometry } from '../../src/sources/depth';
+import type { DepthMap, LiveFrame, Viewport } from '../../src/sources/frame_source';
+import type { DepthTexture } from '../../src/sources/gpu_depth';
+import { webXrSource } from '../../src/sources/webxr';
 import type { Camera as WireCamera, Options } from '../../src/wire';
 import { TEXTURE_COLS } from '../../src/mpi/decode';
 import { TILE_PX } from '../../src/mpi/mpi_file';
@@ -93,7 +96,7 @@ class Bench implements Disposable {
   draw(time_ms: number, look: Partial<Look> = {}): void {
     const frame: LiveFrame = {
       time_ms, camera: this.#camera, image: this.#image, framebuffer: null,
-      viewport: this.viewport, depth: () => null,
+      viewport: this.viewport, hasDepth: () => false, depth: () => null,
     };
     this.renderer.draw(frame, this.store, { ...LOOK, ...look });
   }
@@ -195,6 +198,119 @@ function brokenShader(): string {
   return '';
 }
 
-const core = { decode, oneFrame, flicker, frameTime, brokenShader };
+interface DepthOnTheCard {
+  readonly format: DepthFormat;
+  /** Layers of the texture, of which the last is the one; null: not an array. */
+  readonly layers: number | null;
+  readonly width: number;
+  readonly height: number;
+  /** The buffer's bytes. */
+  readonly data: string;
+  readonly raw_value_to_meters: number;
+  readonly matrix: readonly number[];
+  readonly aspect: number;
+}
+
+/** A texture as a headset hands it out: nobody set a filter. */
+function depthTexture(gl: WebGL2RenderingContext, depth: DepthOnTheCard): WebGLTexture {
+  const bytes = bytesOf(depth.data).buffer;
+  const { width, height, layers } = depth;
+  const kinds: Record<DepthFormat, readonly [GLenum, GLenum, GLenum, ArrayBufferView]> = {
+    'luminance-alpha': [
+      gl.LUMINANCE_ALPHA, gl.LUMINANCE_ALPHA, gl.UNSIGNED_BYTE, new Uint8Array(bytes)],
+    'unsigned-short': [gl.R16UI, gl.RED_INTEGER, gl.UNSIGNED_SHORT, new Uint16Array(bytes)],
+    float32: [gl.R32F, gl.RED, gl.FLOAT, new Float32Array(bytes)],
+  };
+  const [inside, format, type, values] = kinds[depth.format];
+  const texture = gl.createTexture();
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  if (layers === null) {
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, type, values);
+  } else {
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+    gl.texImage3D(
+      gl.TEXTURE_2D_ARRAY, 0, inside, width, height, layers, 0, format, type, null);
+    gl.texSubImage3D(
+      gl.TEXTURE_2D_ARRAY, 0, 0, 0, layers - 1, width, height, 1, format, type, values);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, null);
+  }
+  return texture;
+}
+
+/**
+ * A device that gives depth as a texture only, through the source as phones run it; and what the
+ * same buffer gives in memory.
+ */
+async function headsetDepth(depth: DepthOnTheCard): Promise<object> {
+  const gl = contextOf(4, 4);
+  const geometry: DepthGeometry = {
+    width: depth.width, height: depth.height, rawValueToMeters: depth.raw_value_to_meters,
+    normDepthBufferFromNormView: { matrix: Float32Array.from(depth.matrix) },
+  };
+  const given: DepthTexture = {
+    ...geometry, texture: depthTexture(gl, depth),
+    textureType: depth.layers === null ? 'texture' : 'texture-array',
+    imageIndex: depth.layers === null ? null : depth.layers - 1,
+  };
+  let asked: XRSessionInit | undefined;
+  const device = new Headset(given, depth.format, Math.round(1000 * depth.aspect));
+  Object.defineProperty(navigator, 'xr', {
+    configurable: true,
+    value: { requestSession: (_: string, init: XRSessionInit) => { asked = init; return device; } },
+  });
+  Object.assign(window, {
+    XRWebGLLayer: class { framebuffer = null; getViewport(): null { return null; } },
+    XRWebGLBinding: class {
+      getCameraImage(): null { return null; }
+      getDepthInformation(): DepthTexture { return given; }
+    },
+  });
+  Object.assign(gl, { makeXRCompatible: async () => undefined });
+  let read: DepthMap | null = null;
+  const stop = new AbortController();
+  await webXrSource({ overlay: null }).run(gl, (frame) => {
+    if (frame.hasDepth()) read = frame.depth();
+    stop.abort();
+  }, stop.signal);
+  const inMemory = depthMapOf(
+    { ...geometry, data: bytesOf(depth.data).buffer }, depth.format, depth.aspect);
+  const listed = (map: DepthMap | null): object | null =>
+    (map === null ? null : { ...map, depth_mm: Array.from(map.depth_mm) });
+  return { asked, read: listed(read), in_memory: listed(inMemory), gl_error: gl.getError() };
+}
+
+/** A session with one view whose camera picture is `width` × 1000. */
+class Headset extends EventTarget {
+  readonly depthUsage = 'gpu-optimized';
+  readonly #view;
+
+  constructor(
+    private readonly given: DepthTexture, readonly depthDataFormat: DepthFormat, width: number,
+  ) {
+    super();
+    const identity = Float32Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1);
+    this.#view = {
+      camera: { width, height: 1000 }, projectionMatrix: identity, transform: { matrix: identity },
+    };
+  }
+
+  async updateRenderState(): Promise<void> { /* nothing to draw on */ }
+
+  async requestReferenceSpace(): Promise<object> { return {}; }
+
+  requestAnimationFrame(next: (time_ms: number, frame: object) => void): void {
+    setTimeout(next, 0, 0, {
+      getViewerPose: () => ({ views: [this.#view] }),
+      getDepthInformation: () => {
+        throw new DOMException(`a texture of ${this.given.width}`, 'InvalidStateError');
+      },
+    });
+  }
+
+  async end(): Promise<void> { this.dispatchEvent(new Event('end')); }
+}
+
+const core = { headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader };
 export type Core = typeof core;
 Object.assign(window, { core });
