@@ -70,7 +70,8 @@ class LiveServer:
         """Start it, and wait until it says its address."""
         if not CLIENT.is_file():
             pytest.fail("the web client is not built; run: make client")
-        arguments = [*self.command, "--port", str(self.port), "--sessions", str(self.sessions)]
+        folder = ["--sessions"] if self.command[0] == "demo" else []
+        arguments = [*self.command, "--port", str(self.port), *folder, str(self.sessions)]
         self.process = subprocess.Popen(
             [*self.wrapped_in, sys.executable, "-c", PEAKING, *arguments],
             stdout=subprocess.PIPE,
@@ -88,6 +89,7 @@ class LiveServer:
                 self._drainer = threading.Thread(target=self._drain, daemon=True)
                 self._drainer.start()
                 return self
+        self.process.wait(10)
         pytest.fail(f"the server did not start: {''.join(self.said)}")
 
     def kill(self) -> None:

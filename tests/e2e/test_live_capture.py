@@ -3,36 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Browser, BrowserContext, Route
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from full_disks import any_full_disk
-from live_server import LiveServer, chromium
+from live_server import LiveServer
 from peaking.datasets.nerfstudio import open_recording
-
-
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser, None, None]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext, None, None]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
-    yield context
-    context.close()
-
-
-@pytest.fixture
-def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
-    server = LiveServer(tmp_path / "sessions").start()
-    yield server
-    server.stop()
 
 
 def only_session(sessions: Path) -> Path:

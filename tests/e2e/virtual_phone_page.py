@@ -25,6 +25,12 @@ def moved(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0) -> list[float]:
     return pose
 
 
+def keep_picture(page: Page, name: str) -> None:
+    """Keep a screenshot for people to look at, in out/e2e."""
+    ARTEFACTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=ARTEFACTS / f"{name}.png")
+
+
 class VirtualPhonePage:
     """The capture page with the virtual phone, in a real browser."""
 
@@ -96,5 +102,4 @@ class VirtualPhonePage:
 
     def keep_picture(self, name: str) -> None:
         """Keep a screenshot for people to look at."""
-        ARTEFACTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=ARTEFACTS / f"{name}.png")
+        keep_picture(self.page, name)

@@ -315,7 +315,10 @@ def test_news_begin_with_the_whole_state_and_go_on(tmp_path: Path) -> None:
             "abcdefgh", "x", "f", "other", "", 0.0, False, 0, 0, None, False
         )
         state = wire.SessionState(wire.Session(summary, []))
-        stream = hub.stream("abcdefgh", lambda: state)
+        watching = hub.stream("abcdefgh", lambda: state)
+        await anext(watching)
+        assert not hub.is_live("abcdefgh")
+        stream = hub.stream("abcdefgh", lambda: state, live=True)
         heard = [await anext(stream)]
         assert hub.is_live("abcdefgh")
         thread = threading.Thread(target=lambda: hub.send("abcdefgh", wire.SessionChanged(summary)))
@@ -324,6 +327,7 @@ def test_news_begin_with_the_whole_state_and_go_on(tmp_path: Path) -> None:
         hub.send("another-one", wire.SessionChanged(summary))
         hub.close()
         heard += [message async for message in stream]
+        await watching.aclose()
         assert not hub.is_live("abcdefgh")
         return heard
 

@@ -135,7 +135,10 @@ class _Handlers:
             self._tell_summary(session)
 
         stream = self.hub.stream(
-            session.id, lambda: wire.SessionState(self._state(session)), came_or_went
+            session.id,
+            lambda: wire.SessionState(self._state(session)),
+            live="watch" not in request.query_params,
+            changed=came_or_went,
         )
         return _event_stream(stream)
 

@@ -30,7 +30,7 @@ class Hub:
         self.closed = False
 
     def is_live(self, session_id: str) -> bool:
-        """Return whether a phone listens to this session."""
+        """Return whether a phone that captures listens to this session."""
         return self._live[session_id] > 0
 
     def send(self, topic: str, event: wire.SessionEvent | wire.ServerEvent) -> None:
@@ -53,17 +53,24 @@ class Hub:
         self,
         topic: str,
         state: Callable[[], wire.SessionEvent | wire.ServerEvent],
+        *,
+        live: bool = False,
         changed: Callable[[], None] = lambda: None,
     ) -> AsyncIterator[bytes]:
         """Yield the state, then every event, for as long as somebody reads.
 
-        `changed` is called when the listener came and when it went. Nothing is lost in between: the
-        state is looked at after events are queued.
+        Nothing is lost in between: the state is looked at after events are queued.
+
+        Args:
+            topic: What is listened to.
+            state: Returns the first event.
+            live: The listener is a phone that captures, not somebody who watches.
+            changed: Called when the listener came and when it went.
         """
         self._loop = asyncio.get_running_loop()
         queue: asyncio.Queue[bytes | None] = asyncio.Queue(WAITING)
         self._listeners.setdefault(topic, set()).add(queue)
-        self._live[topic] += 1
+        self._live[topic] += live
         try:
             changed()
             yield _message(state())
@@ -78,7 +85,7 @@ class Hub:
                 yield message
         finally:
             self._listeners[topic].discard(queue)
-            self._live[topic] -= 1
+            self._live[topic] -= live
             changed()
 
     def _deliver(self, topic: str, message: bytes) -> None:

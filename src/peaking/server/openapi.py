@@ -24,6 +24,7 @@ class Operation:
     answer: Any = None
     body: Any = None
     status: int = 200
+    query: tuple[str, ...] = ()
     media: str = "application/json"
 
 
@@ -49,6 +50,7 @@ OPERATIONS = (
         _SESSION + "/events",
         "News of a session",
         wire.SessionEvent,
+        query=("watch",),
         media="text/event-stream",
     ),
     Operation("get", _SESSION + "/peaked", "Peaked share over time", wire.PeakedSamples),
@@ -106,7 +108,13 @@ def _operation(operation: Operation, schema_of: dict[int, Any]) -> dict[str, Any
     described: dict[str, Any] = {
         "summary": operation.summary,
         "responses": {str(operation.status): answer, "4XX": refusal, "5XX": refusal},
-        "parameters": [_parameter(name) for name in re.findall(r"{(\w+)}", operation.path)],
+        "parameters": [
+            *(_parameter(name) for name in re.findall(r"{(\w+)}", operation.path)),
+            *(
+                {"name": name, "in": "query", "schema": {"type": "string"}}
+                for name in operation.query
+            ),
+        ],
     }
     if operation.status == 201:
         described["responses"]["200"] = answer

@@ -57,14 +57,16 @@ export function findingsOf(facts: Facts): Finding[] {
       grade: no(facts.immersiveAr ? 'bad' : 'warn', facts.cameraAccess),
       title: 'Access to the camera picture',
       text: facts.cameraAccess
-        ? 'The browser can give pages the picture that belongs to a pose; you will be asked.'
+        ? 'The browser can give pages the picture that belongs to a pose'
+          + (facts.immersiveAr ? '; you will be asked.' : ', once it has augmented reality.')
         : 'Only Chrome for Android (107 or newer) gives pages the camera picture of its pose.',
     },
     {
       grade: no('warn', facts.depthSensing),
       title: 'Depth',
       text: facts.depthSensing
-        ? 'The browser knows depth sensing; whether the phone has it shows when the camera runs.'
+        ? 'The browser knows depth sensing, and all its kinds can be read: three formats, in memory '
+          + 'or on the graphics card. Whether this device has it shows when the camera runs.'
         : 'Without depth a view is kept and is in the data set, but does not join the picture.',
     },
     {

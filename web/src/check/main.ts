@@ -3,7 +3,7 @@
 import { Api } from '../server/api';
 import { webXrSource } from '../sources/webxr';
 import { make } from '../ui/dom';
-import { findingsOf, reportOf, verdictOf, type Facts } from './findings';
+import { findingsOf, reportOf, verdictOf, type Facts, type Finding } from './findings';
 
 const SIGNS = { good: '✓', warn: '!', bad: '✕' } as const;
 /** How long the camera is tried. */
@@ -78,22 +78,31 @@ async function tryCamera(out: HTMLElement): Promise<void> {
 async function main(): Promise<void> {
   const facts = await probe();
   const verdict = verdictOf(facts);
-  const trial = make('p', { className: 'quiet' });
+  const trial = make('p', { className: 'quiet', role: 'status' });
   const copy = make('button', { type: 'button' }, 'Copy as text');
-  copy.onclick = () => void navigator.clipboard.writeText(reportOf(facts));
-  const camera = make('button', { type: 'button' }, 'Try the camera');
+  copy.onclick = () => void navigator.clipboard.writeText(reportOf(facts)).then(
+    () => { copy.textContent = 'Copied'; },
+    () => { trial.textContent = reportOf(facts); }, // then it can be copied by hand
+  );
+  const camera = make('button', { className: 'primary', type: 'button' }, 'Try the camera');
   camera.onclick = () => void tryCamera(trial);
   camera.hidden = !facts.immersiveAr;
   document.getElementById('check')?.replaceChildren(
     make('div', { className: `verdict ${verdict.grade}` }, verdict.title,
       make('small', {}, verdict.text)),
-    ...findingsOf(facts).map(({ grade, title, text }) =>
+    make('div', { className: 'row' }, camera,
+      ...(verdict.grade === 'bad' ? []
+        : [make('a', { className: 'button', href: './?source=virtual' }, 'Virtual phone')]), copy),
+    trial,
+    ...missingFirst(findingsOf(facts)).map(({ grade, title, text }) =>
       make('div', { className: `finding ${grade}` }, make('i', {}, SIGNS[grade]),
         make('b', {}, title), make('p', {}, text))),
-    make('p', {}, camera, ' ', copy, ' ',
-      make('a', { className: 'button', href: './?source=virtual' }, 'Virtual phone')),
-    trial,
   );
+}
+
+function missingFirst(findings: readonly Finding[]): Finding[] {
+  const order = { bad: 0, warn: 1, good: 2 } as const;
+  return findings.toSorted((a, b) => order[a.grade] - order[b.grade]);
 }
 
 void main();

@@ -24,6 +24,9 @@ export class ApiError extends Error {
   }
 }
 
+/** Whether a listener takes part in a session or only looks, which does not make the session live. */
+export type Role = 'capture' | 'watch';
+
 export interface ApiOptions {
   readonly fetch?: typeof fetch;
   /** For small requests. */
@@ -161,8 +164,11 @@ export class Api {
   }
 
   /** Server-sent events of one session, as bytes; `events.ts` reads them. */
-  sessionEventBytes(sessionId: string, signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
-    return this.#eventBytes(`${sessionPath(sessionId)}/events`, signal);
+  sessionEventBytes(
+    sessionId: string, signal: AbortSignal, role: Role = 'capture',
+  ): Promise<ReadableStream<Uint8Array>> {
+    const query = role === 'watch' ? '?watch' : '';
+    return this.#eventBytes(`${sessionPath(sessionId)}/events${query}`, signal);
   }
 
   /** Server-sent events of the list of sessions. */

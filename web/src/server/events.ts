@@ -7,7 +7,7 @@
  */
 
 import type { ServerEvent, SessionEvent } from '../wire';
-import { ApiError, type Api } from './api';
+import { ApiError, type Api, type Role } from './api';
 import { EventStreamReader } from './event_stream';
 import { backoff_ms, browserPacing, type Pacing } from './pacing';
 
@@ -20,6 +20,7 @@ export interface EventsListener<Event> {
 }
 
 export interface EventsOptions {
+  readonly role?: Role;
   readonly pacing?: Pacing;
   /** Fires `online` and `offline`; a window. */
   readonly network?: EventTarget | null;
@@ -33,7 +34,8 @@ export function sessionEvents(
   api: Api, sessionId: string, listener: EventsListener<SessionEvent>, signal: AbortSignal,
   options: EventsOptions = {},
 ): Promise<void> {
-  return follow((open) => api.sessionEventBytes(sessionId, open), listener, signal, options);
+  return follow((open) => api.sessionEventBytes(sessionId, open, options.role),
+    listener, signal, options);
 }
 
 /** Follow the list of sessions until the signal aborts; then resolves. */

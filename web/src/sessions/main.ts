@@ -48,8 +48,8 @@ function drawList(): void {
   const items = newest().map((summary) => {
     const item = make('button', { type: 'button', onclick: () => { location.hash = summary.id; } },
       make('b', { className: summary.live ? 'live' : '' }, summary.name),
-      make('span', { className: 'quiet' }, `${summary.captures} views · `
-        + `${new Date(summary.created_s * 1000).toLocaleString()} · ${percent(summary.peaked_share)}`));
+      make('span', { className: 'quiet' }, `${viewsOf(summary)} · ${percent(summary.peaked_share)} red · `
+        + whenOf(summary)));
     item.setAttribute('aria-current', String(summary.id === shown?.id));
     return item;
   });
@@ -66,7 +66,7 @@ async function open(id: string): Promise<void> {
   await sessionEvents(api, id, {
     onEvent: (event) => follow(id, event),
     onConnection: (_, refusal) => { if (refusal !== null) fail(refusal.problem); },
-  }, watching.signal);
+  }, watching.signal, { role: 'watch' });
 }
 
 function follow(id: string, event: SessionEvent): void {
@@ -119,8 +119,8 @@ function drawDetail(): void {
   make('span', {}, String(capture.number))));
   elementOf('detail').replaceChildren(
     make('h1', {}, summary.name),
-    make('div', { className: 'quiet' }, `${summary.captures} views, ${summary.ready} part of the `
-      + `picture${summary.finished ? ', finished' : ''} · folder ${summary.folder}`),
+    make('div', { className: 'quiet' }, `${viewsOf(summary)}, ${summary.ready} part of the picture`
+      + `${summary.finished ? ', finished' : ''} · folder ${summary.folder}`),
     make('div', { className: 'row' },
       make('a', { className: 'button primary', href: api.datasetUrl(id), download: '' },
         'Download the data set'),
@@ -128,11 +128,19 @@ function drawDetail(): void {
         : summary.source}&session=${id}` }, 'Go on capturing'), rename),
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'From above'), make('div', { id: 'above' })),
-      make('div', { className: 'card' }, make('h2', {}, 'Peaked share over time (dashed: 4.28 %)'),
+      make('div', { className: 'card' }, make('h2', {}, 'Peaked share over time (dashed: 4.28\u00a0%)'),
         make('div', { id: 'shares' }))),
     make('div', { className: 'photos' }, ...photos),
   );
   drawCharts();
+}
+
+function viewsOf({ captures }: SessionSummary): string {
+  return captures === 1 ? '1 view' : `${captures} views`;
+}
+
+function whenOf({ created_s }: SessionSummary): string {
+  return new Date(created_s * 1000).toLocaleString([], { dateStyle: 'short', timeStyle: 'short' });
 }
 
 function drawCharts(): void {

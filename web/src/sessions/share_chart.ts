@@ -4,9 +4,9 @@ import { GOAL_SHARE, percent } from '../ui/share_graph';
 import type { Capture, PeakedSample } from '../wire';
 
 const WIDTH = 600;
-const HEIGHT = 300;
-const LEFT = 48;
-const BOTTOM = 24;
+const HEIGHT = 400;
+const LEFT = 68;
+const BOTTOM = 32;
 
 export function drawShares(
   samples: readonly PeakedSample[], captures: readonly Capture[],
@@ -17,19 +17,19 @@ export function drawShares(
   const top = Math.max(2.5 * GOAL_SHARE, ...samples.map((sample) => sample.peaked_share));
   const x = (time_s: number): number =>
     LEFT + ((WIDTH - LEFT - 6) * (time_s - first)) / Math.max(last - first, 1);
-  const y = (share: number): number => HEIGHT - BOTTOM - (HEIGHT - BOTTOM - 8) * (share / top);
+  const y = (share: number): number => HEIGHT - BOTTOM - (HEIGHT - BOTTOM - 16) * (share / top);
   const curve = samples.map((s) => `${x(s.time_s).toFixed(1)} ${y(s.peaked_share).toFixed(1)}`);
   const marks = captures
     .filter((c) => c.removed !== true && c.time_s >= first && c.time_s <= last)
     .map((c) => `<path d="M${x(c.time_s).toFixed(1)} 8V${HEIGHT - BOTTOM}" stroke="#ffffff66">`
       + `<title>View ${c.number}</title></path>`);
   const label = (share: number): string =>
-    `<text x="4" y="${y(share) + 5}" fill="#a9b0bb" font-size="14">${percent(share)}</text>`;
+    `<text x="4" y="${y(share) + 7}" fill="#a9b0bb" font-size="20">${percent(share)}</text>`;
   return `<svg viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label="Peaked share over time">
     <path d="M${LEFT} ${y(GOAL_SHARE)}H${WIDTH - 6}" stroke="#a9b0bb" stroke-dasharray="5 6"/>
     ${marks.join('')}<path d="M${curve.join('L')}" fill="none" stroke="#ff4d4d" stroke-width="2.5"
     stroke-linejoin="round"/>${label(top)}${label(GOAL_SHARE)}
-    <text x="${LEFT}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="14">0 s</text>
-    <text x="${WIDTH - 6}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="14" text-anchor="end">${
+    <text x="${LEFT}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="20">0 s</text>
+    <text x="${WIDTH - 6}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="20" text-anchor="end">${
   Math.round(last - first)} s</text></svg>`;
 }

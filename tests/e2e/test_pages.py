@@ -1,0 +1,166 @@
+"""The pages beside the capture page, /check and /sessions, in a real browser."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
+
+from e2e.virtual_phone_page import PATIENCE_MS, VirtualPhonePage, keep_picture, moved
+from live_server import LiveServer
+from peaking.datasets.nerfstudio import open_recording
+
+SIZES = {
+    "wide": ViewportSize(width=1280, height=860),
+    "phone": ViewportSize(width=412, height=915),
+}
+ANDROID = "Mozilla/5.0 (Linux; Android 15; Pixel 9) AppleWebKit/537.36 Chrome/147.0 Mobile"
+IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 26_2 like Mac OS X) Version/26.2 Safari/604.1"
+
+
+def opened(context: BrowserContext, address: str) -> Page:
+    """Open a page; it fails the test when it raises."""
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(address, wait_until="commit")
+    return page
+
+
+def finding(page: Page, title: str) -> tuple[str, str]:
+    """Return the grade and the sentence of a finding of /check."""
+    box = page.locator(".finding", has=page.get_by_text(title, exact=True))
+    box.wait_for()
+    (grade,) = re.findall("good|warn|bad", box.get_attribute("class") or "")
+    return grade, box.locator("p").inner_text()
+
+
+def fits(page: Page) -> bool:
+    """Nothing sticks out to the side."""
+    return page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_check_says_what_this_browser_can(browser: Browser, server: LiveServer, size: str) -> None:
+    context = browser.new_context(viewport=SIZES[size])
+    page = opened(context, f"{server.address}/check")
+    page.locator(".verdict").wait_for()
+    keep_picture(page, f"check-{size}")
+    assert "virtual phone" in page.locator(".verdict").inner_text()
+    assert finding(page, "Secure page")[0] == "good"
+    assert finding(page, "WebGL 2")[0] == "good"
+    assert finding(page, "Server")[0] == "good"
+    grade, sentence = finding(page, "Augmented reality (WebXR)")
+    assert (grade, "virtual phone" in sentence) == ("bad", True)
+    assert fits(page)
+    page.get_by_role("link", name="Virtual phone").click()
+    page.wait_for_url("**/?source=virtual", wait_until="commit")
+    context.close()
+
+
+@pytest.mark.parametrize(
+    ("agent", "says"),
+    [(ANDROID, "Google Play Services for AR"), (IPHONE, "cannot capture here")],
+    ids=["android", "iphone"],
+)
+def test_check_says_what_to_do_about_what_is_missing(
+    browser: Browser, server: LiveServer, agent: str, says: str
+) -> None:
+    context = browser.new_context(viewport=SIZES["phone"], user_agent=agent)
+    page = context.new_page()
+    page.add_init_script(
+        "HTMLCanvasElement.prototype.getContext = () => null; delete window.OffscreenCanvas;"
+        "IDBFactory.prototype.open = () => { throw new Error('private'); };"
+    )
+    page.goto(f"{server.address}/check", wait_until="commit")
+    grade, sentence = finding(page, "Augmented reality (WebXR)")
+    assert (grade, says in sentence) == ("bad", True)
+    grade, sentence = finding(page, "WebGL 2")
+    assert (grade, "hardware acceleration" in sentence) == ("bad", True)
+    assert finding(page, "Work beside the picture")[0] == "bad"
+    grade, sentence = finding(page, "Storage on this device")
+    assert (grade, "private window" in sentence) == ("warn", True)
+    assert page.locator(".verdict").inner_text().startswith("Not ready")
+    keep_picture(page, "check-bad")
+    assert fits(page)
+    context.close()
+
+
+def test_check_without_the_token_says_so(browser: Browser, tmp_path: Path) -> None:
+    command = ("serve", "--adb", "--token", "a-token-to-test")
+    server = LiveServer(tmp_path / "sessions", command=command).start()
+    try:
+        context = browser.new_context(viewport=SIZES["phone"])
+        page = opened(context, f"{server.address}/check")
+        grade, sentence = finding(page, "Server")
+        assert (grade, "open the link that it printed" in sentence) == ("bad", True)
+        page = opened(context, f"{server.address}/check#token=a-token-to-test")
+        assert finding(page, "Server")[0] == "good"
+        assert "token" not in page.evaluate("location.href")
+        context.close()
+    finally:
+        server.stop()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_dashboard_follows_a_live_session(
+    browser: Browser, server: LiveServer, tmp_path: Path, size: str
+) -> None:
+    context = browser.new_context(viewport=SIZES["wide"])
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.hold(moved())
+    phone.shoot_and_wait()
+
+    desk = browser.new_context(viewport=SIZES[size], accept_downloads=True)
+    page = opened(desk, f"{server.address}/sessions")
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.locator("#list .live", has_text="Virtual room").wait_for()
+    page.get_by_text("1 view, 1 part of the picture").wait_for()
+
+    for step in range(1, 4):  # the page is open while the phone goes on
+        phone.hold(moved(x_m=0.12 * step, z_m=-0.05 * step))
+        if step != 2:
+            phone.shoot_and_wait()
+    phone.page.keyboard.press("z")
+    page.get_by_text("2 views, 2 part of the picture").wait_for()
+    assert page.locator(".photos a.ready").count() == 2
+    assert page.locator(".photos a.removed").count() == 1
+    phone.wait_for(
+        lambda: page.locator(".photos img").evaluate_all(
+            "images => images.every(i => i.complete && i.naturalWidth > 50)"
+        )
+    )
+    views = page.locator("#above svg path title")
+    phone.wait_for(lambda: views.count() == 2)
+    phone.wait_for(lambda: page.locator("#above svg path[stroke-linecap]").count() > 2)
+    curve = page.locator("#shares svg path[stroke-linejoin]")
+    phone.wait_for(lambda: (curve.get_attribute("d") or "").count("L") > 2)
+    keep_picture(page, f"sessions-{size}")
+    assert fits(page)
+
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download the data set").click()
+    with zipfile.ZipFile(download.value.path()) as archive:
+        archive.extractall(tmp_path / "downloaded")
+    recording = open_recording(tmp_path / "downloaded")
+    assert len(recording) == 2
+    assert recording.read(1).depth_m is not None
+
+    phone.page.close()
+    page.locator("#list b:not(.live)", has_text="Virtual room").wait_for()
+    assert problems == []
+    desk.close()
+    context.close()
+
+
+def test_the_dashboard_without_sessions_says_how_to_begin(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    page = opened(context, f"{server.address}/sessions")
+    page.get_by_text("No sessions yet").wait_for()
+    keep_picture(page, "sessions-none")
+    page.get_by_role("link", name="Virtual phone").click()
+    page.wait_for_url("**/?source=virtual", wait_until="commit")
