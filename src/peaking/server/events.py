@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable
 
 import msgspec
 
@@ -56,7 +56,7 @@ class Hub:
         *,
         live: bool = False,
         changed: Callable[[], None] = lambda: None,
-    ) -> AsyncIterator[bytes]:
+    ) -> AsyncGenerator[bytes, None]:
         """Yield the state, then every event, for as long as somebody reads.
 
         Nothing is lost in between: the state is looked at after events are queued.

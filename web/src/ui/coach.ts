@@ -33,7 +33,9 @@ export class Coach {
         if (now.ready > 0) this.#next(now);
         break;
       case 1:
-        if (red > MUCH_RED) this.#next(now);
+        if (red <= MUCH_RED) break;
+        this.#redBefore = red;
+        this.#next(now);
         break;
       case 2:
         if (now.views > this.#viewsBefore) this.#next(now);
@@ -49,7 +51,6 @@ export class Coach {
   /** From the beginning. */
   restart(): void {
     this.step = 0;
-    this.#redBefore = 0;
   }
 
   get done(): boolean {

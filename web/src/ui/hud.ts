@@ -5,6 +5,7 @@ import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import { Coach, STEPS } from './coach';
 import { button, make, say, show } from './dom';
+import { actionOfKey } from './keys';
 import { percent, ShareHistory } from './share_graph';
 import { finishSheet, settingsSheet, viewsSheet, type Sheet } from './sheets';
 
@@ -229,20 +230,17 @@ export class Hud {
 
   #key(event: KeyboardEvent): void {
     const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
-    if (event.key === 'Escape') this.#close();
-    if (typing || event.repeat || event.altKey || event.metaKey) return;
-    if (event.ctrlKey && event.key !== 'z') return;
-    switch (event.key) {
-      case ' ': case 'AudioVolumeUp': case 'VolumeUp': this.#shoot(); break;
-      case 'z': case 'Z': this.#actions.undoLast(); break;
-      case '1': case '2': case '3':
-        this.#setOverlay(OVERLAYS[Number(event.key) - 1]?.[0] ?? 'peaks');
-        break;
-      case 'f': case 'F': this.#open('finish'); break;
-      case '?': this.#restartCoach(); break;
-      case ',': this.#replay?.step(-1); break;
-      case '.': this.#replay?.step(1); break;
-      default: return;
+    const action = actionOfKey(event, typing);
+    if (action === null) return;
+    switch (action.kind) {
+      case 'shoot': this.#shoot(); break;
+      case 'undo': this.#actions.undoLast(); break;
+      case 'look': this.#setOverlay(action.overlay); break;
+      case 'finish': this.#open('finish'); break;
+      case 'help': this.#restartCoach(); break;
+      case 'step': this.#replay?.step(action.frames); break;
+      case 'close': this.#close(); return;
+      default: action satisfies never;
     }
     event.preventDefault(); // space would press the button that has the focus, too
   }

@@ -1,0 +1,51 @@
+import { describe, expect, test } from 'vitest';
+import { Coach, STEPS, type CoachMoment } from '../../src/ui/coach';
+
+/** The step after each of these moments. */
+function stepsOf(coach: Coach, ...moments: readonly (readonly [number, number, number | null])[]): number[] {
+  return moments.map(([views, ready, peakedShare]) => {
+    const moment: CoachMoment = { views, ready, peakedShare };
+    coach.update(moment);
+    return coach.step;
+  });
+}
+
+describe('shoot – move – shoot the red – see it go', () => {
+  test('each step is taken by doing it', () => {
+    const coach = new Coach();
+    expect(stepsOf(coach,
+      [0, 0, null], // looks around
+      [1, 0, null], // pressed, but the view does not take part yet
+      [1, 1, 0.01], // takes part
+      [1, 1, 0.05], // moves; little red
+      [1, 1, 0.07], // red
+      [1, 1, 0.2], // more of it
+      [2, 1, 0.2], // pressed
+      [2, 1, 0.1], // the second view is on its way: moving back is not learning
+      [2, 2, 0.17], // takes part, but the red is still there (0.8 of 0.2 is 0.16)
+      [2, 2, 0.15], // it goes
+    )).toEqual([0, 0, 1, 1, 2, 2, 3, 3, 3, 4]);
+    expect(coach.done).toBe(true);
+  });
+
+  test('a view before the red is seen does not count as the one that takes it away', () => {
+    const coach = new Coach();
+    stepsOf(coach, [1, 1, 0], [2, 2, 0.02], [2, 2, 0.1]);
+    expect(coach.step).toBe(2);
+    expect(stepsOf(coach, [2, 2, 0.1], [3, 2, 0.1])).toEqual([2, 3]);
+  });
+
+  test('after the last step nothing happens', () => {
+    const coach = new Coach();
+    coach.step = STEPS.length;
+    expect(stepsOf(coach, [0, 0, null], [5, 5, 0.5])).toEqual([4, 4]);
+  });
+
+  test('again from the beginning', () => {
+    const coach = new Coach();
+    coach.step = STEPS.length;
+    coach.restart();
+    expect([coach.step, coach.done]).toEqual([0, false]);
+    expect(stepsOf(coach, [3, 3, 0.3], [3, 3, 0.3], [4, 3, 0.3], [4, 4, 0.1])).toEqual([1, 2, 3, 4]);
+  });
+});
