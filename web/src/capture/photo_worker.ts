@@ -40,7 +40,8 @@ function canvas(width_px: number, height_px: number): {
   sheet: OffscreenCanvas; pen: OffscreenCanvasRenderingContext2D;
 } {
   const sheet = new OffscreenCanvas(width_px, height_px);
-  const pen = sheet.getContext('2d', { alpha: false });
+  // Without the last option the pixels go to the graphics card and come back.
+  const pen = sheet.getContext('2d', { alpha: false, willReadFrequently: true });
   if (pen === null) throw new Error('This browser gives no canvas to a worker.');
   return { sheet, pen };
 }

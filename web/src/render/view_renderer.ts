@@ -7,7 +7,7 @@
  *                              └── grid ──► exposure gain  └─ settle ── display
  */
 
-import { compose, inverse, resized, type Cam, type Camera, type Rigid } from '../geometry';
+import { resized, type Camera } from '../geometry';
 import { TEXTURE_COLS } from '../mpi/decode';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import { TILE_PX } from '../mpi/mpi_file';
@@ -26,7 +26,9 @@ import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
 import settleFragment from './settle.frag.glsl?raw';
 import shrinkFragment from './shrink.frag.glsl?raw';
-import { ReadBack, Target } from './target';
+import { newProjection, project } from './projection';
+import type { Target } from './target';
+import { BLOCKS, MOST_VIEWS, Targets, type RenderedView } from './targets';
 
 /** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
 export type Overlay = 'mpi' | 'video' | 'peaks';
@@ -49,9 +51,6 @@ export interface Seen {
   readonly viewIds: readonly string[];
 }
 
-/** Views that a shader can blend. */
-const MOST_VIEWS = 8;
-const BLOCKS = { x: 16, y: 16 };
 /** Until a view is on the card, its scene is taken to be as deep as this. */
 const USUAL_DEPTH_M = 1.5;
 /**
@@ -70,9 +69,8 @@ export class ViewRenderer implements Disposable {
   readonly #programs;
   readonly #screen: WebGLVertexArrayObject;
   readonly #sampler: WebGLSampler;
-  readonly #weights = new Float32Array(MOST_VIEWS);
   readonly #units = Int32Array.from({ length: MOST_VIEWS }, (_, i) => i);
-  readonly #matrix = new Float32Array(9);
+  readonly #projection = newProjection();
   readonly #gain = new Float32Array([1, 1, 1]);
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
@@ -120,20 +118,18 @@ export class ViewRenderer implements Disposable {
     const near = this.#neighbours(store, camera);
     if (near.length === 0) {
       this.#shares = null;
+      targets.threshold = NaN; // what is compared again is counted again
       this.#display(frame, image, targets, { ...look, overlay: 'video' }, false);
       return NOTHING;
     }
-    this.#shrink(image, camera, targets);
-    const small = resized(camera.pinhole, targets.live.width, targets.live.height);
-    const views = this.#placesOf(near.map(({ mpi }) => mpi), camera, targets);
-    near.forEach(({ mpi }, k) => {
-      const view = views[k];
-      if (view === undefined || view.mpi === mpi) return;
-      this.#renderMpi(mpi, camera, small, view.target);
-      view.mpi = mpi;
-    });
-    this.#blend(near, views, targets);
-    this.#compare(look, targets);
+    // What did not change since the frame before is not computed again.
+    const newPicture = frame.pictureId === null || frame.pictureId !== targets.pictureId;
+    if (newPicture) this.#shrink(image, camera, targets);
+    targets.pictureId = frame.pictureId;
+    const newView = this.#renderAndBlend(near, camera, targets);
+    const changed = newPicture || newView;
+    if (changed || look.threshold !== targets.threshold) this.#compare(look, targets);
+    if (changed) targets.unmeasured = true;
     this.#count(targets);
     this.#measureExposure(targets);
     this.#settle(frame.time_ms, targets);
@@ -250,22 +246,43 @@ export class ViewRenderer implements Disposable {
     });
   }
 
-  #renderMpi(
-    mpi: GpuMpi, camera: Camera, small: Camera['pinhole'], target: Target,
-  ): void {
+  /** Returns whether the view is another one than before. */
+  #renderAndBlend(
+    near: readonly { readonly weight: number; readonly mpi: GpuMpi }[], camera: Camera,
+    targets: Targets,
+  ): boolean {
+    const views = this.#placesOf(near.map(({ mpi }) => mpi), camera, targets);
+    let changed = false;
+    for (let k = 0; k < MOST_VIEWS; k += 1) {
+      const chosen = near[k];
+      const view = views[k];
+      if (chosen !== undefined && view !== undefined && view.mpi !== chosen.mpi) {
+        this.#renderMpi(chosen.mpi, camera, view.target);
+        view.mpi = chosen.mpi;
+        changed = true;
+      }
+      const weight = Math.fround(chosen?.weight ?? 0);
+      const target = view?.target ?? null;
+      if (targets.weights[k] !== weight || targets.blendedFrom[k] !== target) changed = true;
+      targets.weights[k] = weight;
+      targets.blendedFrom[k] = target;
+    }
+    if (changed) this.#blend(near.length, targets);
+    return changed;
+  }
+
+  #renderMpi(mpi: GpuMpi, camera: Camera, target: Target): void {
     const gl = this.#gl;
     const { mpi: program } = this.#programs;
     target.begin();
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     program.use();
-    const targetFromSource = compose(inverse(camera.worldFromCam), mpi.camera.worldFromCam);
-    const t = projectionOf(targetFromSource, small, mpi.camera.pinhole, this.#matrix);
-    gl.uniformMatrix3fv(program.uniform('target_from_ray'), false, this.#matrix);
-    gl.uniform3f(program.uniform('translation'), t[0], t[1], t[2]);
-    const m = targetFromSource.rows;
-    const targetDepth_m = -((m[2] ?? 0) * (m[3] ?? 0) + (m[6] ?? 0) * (m[7] ?? 0)
-      + (m[10] ?? 0) * (m[11] ?? 0));
+    const small = resized(camera.pinhole, target.width, target.height);
+    const { matrix, translation, targetDepth_m } = project(
+      mpi.camera, camera.worldFromCam, small, this.#projection);
+    gl.uniformMatrix3fv(program.uniform('target_from_ray'), false, matrix);
+    gl.uniform3fv(program.uniform('translation'), translation);
     gl.uniform1f(program.uniform('target_depth'), targetDepth_m);
     gl.uniform2f(program.uniform('target_size'), small.width_px, small.height_px);
     const cols = TEXTURE_COLS;
@@ -283,20 +300,17 @@ export class ViewRenderer implements Disposable {
     gl.disable(gl.BLEND);
   }
 
-  #blend(
-    near: readonly { readonly weight: number }[], views: readonly RenderedView[], targets: Targets,
-  ): void {
+  #blend(count: number, targets: Targets): void {
     const gl = this.#gl;
     const { blend } = this.#programs;
     targets.view.begin();
     blend.use();
     for (let k = 0; k < MOST_VIEWS; k += 1) {
-      this.#weights[k] = near[k]?.weight ?? 0;
-      this.#bind(k, (views[k] ?? views[0])?.target.texture ?? null);
+      this.#bind(k, (targets.blendedFrom[k] ?? targets.blendedFrom[0])?.texture ?? null);
     }
     gl.uniform1iv(blend.uniform('views'), this.#units);
-    gl.uniform1fv(blend.uniform('weights'), this.#weights);
-    gl.uniform1i(blend.uniform('count'), near.length);
+    gl.uniform1fv(blend.uniform('weights'), targets.weights);
+    gl.uniform1i(blend.uniform('count'), count);
     gl.uniform1i(blend.uniform('opacity_of_seen'), this.#options.opacity === 'seen' ? 1 : 0);
     this.#cover();
   }
@@ -304,6 +318,8 @@ export class ViewRenderer implements Disposable {
   #compare(look: Look, targets: Targets): void {
     const gl = this.#gl;
     const { compare } = this.#programs;
+    targets.threshold = look.threshold;
+    targets.uncounted = true;
     targets.result.begin();
     compare.use();
     this.#bind(0, targets.view.texture);
@@ -330,11 +346,16 @@ export class ViewRenderer implements Disposable {
       this.#shares = { peaked: peaked / all, missing: missing / all };
     }
     const samples = targets.gridBack.take();
-    if (samples !== null) this.#gain.set(exposureGain(samples));
+    if (samples === null) return;
+    const gain = exposureGain(samples);
+    if (gain.every((factor, c) => Math.fround(factor) === this.#gain[c])) return;
+    this.#gain.set(gain);
+    targets.threshold = NaN; // compared again
   }
 
   #count(targets: Targets): void {
-    if (targets.countsBack.pending) return;
+    if (!targets.uncounted || targets.countsBack.pending) return;
+    targets.uncounted = false;
     const gl = this.#gl;
     const { count } = this.#programs;
     targets.counts.begin();
@@ -349,7 +370,9 @@ export class ViewRenderer implements Disposable {
   /** The gain that is used lags by the frames that reading back takes. */
   #measureExposure(targets: Targets): void {
     if (!this.#options.compensate_exposure) return;
-    if (targets.gridBack.pending || this.#frame % GAIN_EVERY_FRAMES !== 0) return;
+    if (!targets.unmeasured || targets.gridBack.pending) return;
+    if (this.#frame % GAIN_EVERY_FRAMES !== 0) return;
+    targets.unmeasured = false;
     const gl = this.#gl;
     const { grid } = this.#programs;
     targets.grid.begin();
@@ -415,75 +438,4 @@ export class ViewRenderer implements Disposable {
     this.#gl.drawArrays(this.#gl.TRIANGLES, 0, 3);
     this.#gl.bindVertexArray(null);
   }
-}
-
-/** A picture of one MPI. */
-interface RenderedView {
-  readonly target: Target;
-  /** Null: nothing that is still worth anything. */
-  mpi: GpuMpi | null;
-}
-
-/** Everything of the size of the view. */
-class Targets implements Disposable {
-  readonly live: Target;
-  readonly views: readonly RenderedView[];
-  readonly view: Target;
-  readonly result: Target;
-  readonly counts: Target;
-  readonly countsBack: ReadBack;
-  readonly grid: Target;
-  readonly gridBack: ReadBack;
-  shown: Target;
-  shownBefore: Target;
-
-  constructor(gl: WebGL2RenderingContext, width: number, height: number, count: number) {
-    const ofView = (): Target => new Target(gl, width, height);
-    this.live = ofView();
-    this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
-    this.view = ofView();
-    this.result = ofView();
-    this.shown = ofView();
-    this.shownBefore = ofView();
-    this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
-    this.countsBack = new ReadBack(gl, this.counts);
-    this.grid = new Target(
-      gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
-    this.gridBack = new ReadBack(gl, this.grid);
-  }
-
-  swapShown(): void {
-    [this.shown, this.shownBefore] = [this.shownBefore, this.shown];
-  }
-
-  [Symbol.dispose](): void {
-    this.countsBack[Symbol.dispose]();
-    this.gridBack[Symbol.dispose]();
-    for (const target of [
-      this.live, ...this.views.map(({ target }) => target), this.view, this.result, this.counts,
-      this.grid, this.shown, this.shownBefore,
-    ]) target[Symbol.dispose]();
-  }
-}
-
-/**
- * Write K_t R K_s⁻¹ (column-major) to `out` and return K_t t: what takes a source pixel at a depth to
- * homogeneous pixels of the target.
- */
-function projectionOf(
-  targetFromSource: Rigid<Cam, Cam>, target: Camera['pinhole'], source: Camera['pinhole'],
-  out: Float32Array,
-): readonly [number, number, number] {
-  const m = targetFromSource.rows;
-  const at = (row: number, column: number): number => m[4 * row + column] ?? NaN;
-  const K = (column: (row: number) => number): [number, number, number] => [
-    target.fx_px * column(0) + target.cx_px * column(2),
-    target.fy_px * column(1) + target.cy_px * column(2),
-    column(2),
-  ];
-  out.set(K((row) => at(row, 0) / source.fx_px), 0);
-  out.set(K((row) => at(row, 1) / source.fy_px), 3);
-  out.set(K((row) => at(row, 2) - (at(row, 0) * source.cx_px) / source.fx_px
-    - (at(row, 1) * source.cy_px) / source.fy_px), 6);
-  return K((row) => at(row, 3));
 }

@@ -31,6 +31,8 @@ export interface LiveFrame {
   readonly camera: Camera | null;
   /** The live picture, RGBA8 without alpha, **bottom row first** as GL has it; null when there is none. */
   readonly image: WebGLTexture | null;
+  /** Changes when the picture does; null where nobody knows, as of a camera. */
+  readonly pictureId: number | null;
   /** Where to draw. */
   readonly framebuffer: WebGLFramebuffer | null;
   readonly viewport: Viewport;

@@ -148,6 +148,11 @@ class ReplayFrame implements LiveFrame {
   image: WebGLTexture | null = null;
   readonly framebuffer = null;
   #index = -1;
+
+  get pictureId(): number {
+    return this.#index;
+  }
+
   #depth: DepthMap | null = null;
 
   constructor(private readonly gl: WebGL2RenderingContext) {}

@@ -38,6 +38,8 @@ export interface WebXrOptions {
   readonly label?: string;
   /** What stays visible over the camera's picture: the page's own controls. */
   readonly overlay: Element | null;
+  /** Of an emulated camera: a number that changes when its picture does. */
+  readonly pictureId?: () => number;
 }
 
 /** `run` must be called from a click or tap: browsers begin augmented reality only then. */
@@ -59,7 +61,7 @@ async function run(
     const layer = new XRWebGLLayer(session, gl, { alpha: false, antialias: false, depth: false });
     await session.updateRenderState({ baseLayer: layer });
     const space = await session.requestReferenceSpace('local');
-    using frame = new XrLiveFrame(session, layer, gl);
+    using frame = new XrLiveFrame(session, layer, gl, options.pictureId ?? null);
     await new Promise<void>((resolve, reject) => {
       session.addEventListener('end', () => resolve());
       signal.addEventListener('abort', () => void session.end().catch(() => resolve()));
@@ -130,8 +132,13 @@ class XrLiveFrame implements LiveFrame, Disposable {
     private readonly session: XRSession,
     private readonly layer: XRWebGLLayer,
     private readonly gl: WebGL2RenderingContext,
+    private readonly idOfPicture: (() => number) | null,
   ) {
     this.#binding = new XRWebGLBinding(session, gl) as unknown as CameraBinding;
+  }
+
+  get pictureId(): number | null {
+    return this.idOfPicture?.() ?? null;
   }
 
   update(time_ms: number, xrFrame: XRFrame, space: XRReferenceSpace): void {

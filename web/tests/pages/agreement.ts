@@ -59,7 +59,7 @@ async function renderFixture(fixture: Fixture): Promise<object> {
   using renderer = new ViewRenderer(gl, fixture.options);
   const frame: LiveFrame = {
     time_ms: 0, camera, image, framebuffer: null,
-    viewport: { x: 0, y: 0, width: width_px, height: height_px }, hasDepth: () => false,
+    viewport: { x: 0, y: 0, width: width_px, height: height_px }, pictureId: null, hasDepth: () => false,
     depth: () => null,
   };
   let seen = renderer.draw(frame, store, fixture.look);

@@ -93,10 +93,19 @@ class Bench implements Disposable {
     await here;
   }
 
-  draw(time_ms: number, look: Partial<Look> = {}): void {
+  /** Another live picture of the same size. */
+  setLive(live: string): void {
+    const { gl } = this;
+    const { width_px, height_px } = this.#camera.pinhole;
+    gl.bindTexture(gl.TEXTURE_2D, this.#image);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width_px, height_px, gl.RGBA, gl.UNSIGNED_BYTE,
+      bytesOf(live));
+  }
+
+  draw(time_ms: number, look: Partial<Look> = {}, pictureId: number | null = null): void {
     const frame: LiveFrame = {
       time_ms, camera: this.#camera, image: this.#image, framebuffer: null,
-      viewport: this.viewport, hasDepth: () => false, depth: () => null,
+      viewport: this.viewport, pictureId, hasDepth: () => false, depth: () => null,
     };
     this.renderer.draw(frame, this.store, { ...LOOK, ...look });
   }
@@ -185,6 +194,32 @@ async function frameTime(scene: Scene, frames: number): Promise<object> {
     median_ms: took_ms[frames >> 1] ?? null, least_ms: took_ms[0] ?? null,
     bytes_per_view: bench.store.residentBytes / Math.max(bench.store.residentCount, 1),
   };
+}
+
+/**
+ * Frames of a phone that is held still, then another picture, then another threshold: passes drawn
+ * in each, and whether the result is that of a renderer that computes everything anew.
+ */
+async function stillFrames(scene: Scene, other: string): Promise<readonly object[]> {
+  using still = new Bench(scene.options, scene.camera, scene.live, viewportOf(scene));
+  using anew = new Bench(scene.options, scene.camera, scene.live, viewportOf(scene));
+  await still.add(scene.mpis);
+  await anew.add(scene.mpis);
+  let passes = 0;
+  for (const name of ['drawArrays', 'drawArraysInstanced'] as const) {
+    const draw = still.gl[name].bind(still.gl) as (...args: number[]) => void;
+    still.gl[name] = (...args: number[]) => { passes += 1; draw(...args); };
+  }
+  const steps: readonly (readonly [picture: number, threshold: number])[] = [
+    [1, 0.4], [1, 0.4], [1, 0.4], [2, 0.4], [2, 0.4], [2, 0.4], [2, 0.1], [2, 0.1]];
+  return steps.map(([picture, threshold], i) => {
+    if (picture === 2 && steps[i - 1]?.[0] === 1) for (const each of [still, anew]) each.setLive(other);
+    passes = 0;
+    still.draw(100 * i, { threshold }, picture);
+    anew.draw(100 * i, { threshold });
+    const [ours, theirs] = [still, anew].map((each) => base64Of(each.read('result')));
+    return { passes, same: ours === theirs };
+  });
 }
 
 function brokenShader(): string {
@@ -311,6 +346,6 @@ class Headset extends EventTarget {
   async end(): Promise<void> { this.dispatchEvent(new Event('end')); }
 }
 
-const core = { headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader };
+const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader };
 export type Core = typeof core;
 Object.assign(window, { core });

@@ -95,6 +95,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
   behaveLikeAPhone(camera, phone);
   const source = webXrSource({
     kind: 'virtual', label: 'virtual phone', overlay: options.overlay,
+    pictureId: () => camera.drawn,
   });
   return {
     source: {

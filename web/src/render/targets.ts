@@ -1,0 +1,72 @@
+/** What is rendered for one view, and what of it need not be computed again. */
+
+import type { GpuMpi } from '../mpi/mpi_store';
+import { GAIN_STRIDE } from './exposure';
+import { ReadBack, Target } from './target';
+
+/** The result is counted in so many blocks. */
+export const BLOCKS = { x: 16, y: 16 };
+/** Views that a shader can blend. */
+export const MOST_VIEWS = 8;
+
+/** A picture of one MPI. */
+export interface RenderedView {
+  readonly target: Target;
+  /** Null: nothing that is still worth anything. */
+  mpi: GpuMpi | null;
+}
+
+/** Everything of the size of the view. */
+export class Targets implements Disposable {
+  readonly live: Target;
+  readonly views: readonly RenderedView[];
+  readonly view: Target;
+  readonly result: Target;
+  readonly counts: Target;
+  readonly countsBack: ReadBack;
+  readonly grid: Target;
+  readonly gridBack: ReadBack;
+  shown: Target;
+  shownBefore: Target;
+  /** The live picture that `live` is of. */
+  pictureId: number | null = null;
+  /** What `view` was blended from, and how much of each. */
+  readonly blendedFrom: (Target | null)[];
+  readonly weights: Float32Array;
+  /** What `result` was compared with; not a number: something else is new. */
+  threshold = NaN;
+  /** `result` is newer than what was counted. */
+  uncounted = false;
+  /** The view or the live picture is newer than the measured exposure. */
+  unmeasured = false;
+
+  constructor(gl: WebGL2RenderingContext, width: number, height: number, count: number) {
+    const ofView = (): Target => new Target(gl, width, height);
+    this.live = ofView();
+    this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
+    this.view = ofView();
+    this.result = ofView();
+    this.shown = ofView();
+    this.shownBefore = ofView();
+    this.blendedFrom = new Array<Target | null>(MOST_VIEWS).fill(null);
+    this.weights = new Float32Array(MOST_VIEWS);
+    this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
+    this.countsBack = new ReadBack(gl, this.counts);
+    this.grid = new Target(
+      gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
+    this.gridBack = new ReadBack(gl, this.grid);
+  }
+
+  swapShown(): void {
+    [this.shown, this.shownBefore] = [this.shownBefore, this.shown];
+  }
+
+  [Symbol.dispose](): void {
+    this.countsBack[Symbol.dispose]();
+    this.gridBack[Symbol.dispose]();
+    for (const target of [
+      this.live, ...this.views.map(({ target }) => target), this.view, this.result, this.counts,
+      this.grid, this.shown, this.shownBefore,
+    ]) target[Symbol.dispose]();
+  }
+}
