@@ -52,9 +52,9 @@ def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     phone.keep_picture("5-undone")
     assert undone > after
 
-    phone.page.wait_for_timeout(500)
-    recording = open_recording(only_session(server.sessions))
-    assert len(recording) == 1
+    session = only_session(server.sessions)
+    phone.wait_for(lambda: len(open_recording(session)) == 1)
+    recording = open_recording(session)
     assert recording.read(0).depth_m is not None
     assert phone.problems == []
 
@@ -97,6 +97,28 @@ def test_a_reload_in_the_middle_loses_nothing(context: BrowserContext, server: L
     assert len(set(stored_ids(server.sessions))) == 3
 
 
+def test_a_lost_graphics_context_loses_no_view(context: BrowserContext, server: LiveServer) -> None:
+    """The page is loaded anew then, and goes on with its session."""
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address)
+    first = phone.shoot_and_wait()
+    page.route("**/captures/*", lambda route: route.abort("connectionfailed"))
+    second = phone.shoot()
+    with page.expect_event("load"):
+        page.evaluate(
+            "document.getElementById('picture').getContext('webgl2')"
+            ".getExtension('WEBGL_lose_context').loseContext()"
+        )
+    phone.wait_until_running()
+    assert [view["id"] for view in phone.views()] == [first, second]
+    page.unroute("**/captures/*")
+    phone.wait_for(lambda: phone.states() == ["ready"] * 2)
+    phone.until("() => window.peaking.resident().views === 2")
+    phone.let_pass(6)
+    assert phone.page.evaluate("window.peaking.seen().viewIds.length") == 2
+    assert stored_ids(server.sessions) == [first, second]
+
+
 def test_the_server_may_be_killed_and_started_again(
     context: BrowserContext, server: LiveServer
 ) -> None:
@@ -104,7 +126,7 @@ def test_the_server_may_be_killed_and_started_again(
     first = phone.shoot_and_wait()
     server.kill()
     second = phone.shoot()
-    phone.page.wait_for_timeout(1500)
+    phone.page.get_by_text("does not answer").first.wait_for()
     assert phone.states()[1] in ("waiting", "uploading")
     server.start()
     phone.wait_for(lambda: phone.states() == ["ready"] * 2)
