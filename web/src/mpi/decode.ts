@@ -79,7 +79,7 @@ const ALPHA_OF_LUMA = Uint8Array.from({ length: 256 }, (_, luma) =>
   Math.min(Math.max(Math.round(((luma - 16) * 255) / 96), 0), 255));
 
 /** Join colour and alpha of one tile, and premultiply. */
-function combine(
+export function combine(
   pixels: Uint8ClampedArray, stride: number, from: number, alphaAt: number,
   texels: Uint8Array, tile: number,
 ): void {
