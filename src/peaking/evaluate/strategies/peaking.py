@@ -20,7 +20,7 @@ from jaxtyping import Float, Float32
 
 from peaking.evaluate.scene import MOST_MPIS, Scene
 from peaking.frame import working_size_px
-from peaking.nearest import fading_weights, overlap_costs_m
+from peaking.nearest import CLOSE_M, fading_weights, overlap_costs_m
 from peaking.render import render
 from peaking.render.blend import blend
 
@@ -34,6 +34,10 @@ SMALLER = 16
 EXPONENT = 0.25
 """What a frame's mean squared error is raised to before it is summed. Towards 0 the mean PSNR over
 frames counts, towards 1 the worst frames alone."""
+
+SAME_PLACE_M = 2 * CLOSE_M
+"""Cost (distance over overlap) up to which a view is from where another was: who stands still takes
+one. Each would else be missed by the other, which no third one shows as well."""
 
 ALL_WRONG = 0.3
 """Mean squared error of a frame that no view shows."""
@@ -84,17 +88,19 @@ class Keeper:
         self.held: list[int] = []
 
     def offer(self, index: int) -> None:
-        """See a frame, and hold it."""
+        """See a frame, and hold it unless a view from the same place is held."""
         depth_m = float(np.median(self._small.mpi(index).plane_depths_m))
         camera = self._small.cameras[index]
         self._cost_m[index] = overlap_costs_m(self._small.cameras, camera, depth_m)
-        self.held.append(index)
-        self._shows[index] = set()
         self._shown_by[index] = frozenset()
+        new = not self.held or self._cost_m[index][self.held].min() > SAME_PLACE_M
+        if new:
+            self.held.append(index)
+            self._shows[index] = set()
         changed = [
             t for t in self._cost_m if t == index or index in self._neighbours(t, self.held)[0]
         ]
-        self._look_again(changed, also={index})
+        self._look_again(changed, also=set(self.held[-1:]) if new else set())
 
     def let_go(self) -> None:
         """Give up the view that is least missed."""
