@@ -18,7 +18,7 @@ def flat(red: float, green: float, blue: float) -> Float32[np.ndarray, "24 30 3"
 
 def test_black_and_white_by_hand() -> None:
     # No edges, so the colour alone: HyAB is 100 (L* from 0 to 100). The largest is that of green,
-    # L*a*b* (87.735, -86.183, 83.179), and blue, (32.297, 79.188, -107.860), a* and b* times L*/100:
+    # L*a*b* (87.735, -86.183, 83.179), and blue, (32.297, 79.188, -107.860), with Hunt:
     # 55.438 + |(-101.188, 107.813)| = 203.299.
     largest, difference = 203.299**0.7, 100**0.7
     expected = 0.95 + 0.05 * (difference - 0.4 * largest) / (0.6 * largest)

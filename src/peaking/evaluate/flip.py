@@ -31,7 +31,7 @@ XYZ_FROM_LINEAR_RGB = _XYZ_FROM_LINEAR_RGB / _XYZ_FROM_LINEAR_RGB.sum(axis=1, ke
 _OPPONENT_FROM_XYZ = np.array([[0.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
 OPPONENT_FROM_LINEAR_RGB = _OPPONENT_FROM_XYZ @ XYZ_FROM_LINEAR_RGB
 LINEAR_RGB_FROM_OPPONENT = np.linalg.inv(OPPONENT_FROM_LINEAR_RGB)
-"""Y, X - Y and Y - Z: YCxCz of the paper but for its offset and factors, which no filter notices."""
+"""Y, X - Y and Y - Z: YCxCz of the paper without offset and factors, which no filter notices."""
 
 LAB_FROM_CURVE = np.array([[0.0, 116, 0, -16], [500, -500, 0, 0], [0, 200, -200, 0]])
 """CIE L*a*b* from f(X), f(Y), f(Z) and 1."""
