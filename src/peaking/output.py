@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import secrets
 import shutil
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from pathlib import Path
 
 import cv2
@@ -102,6 +103,21 @@ def encode_jpeg(rgb: UInt8[np.ndarray, "h w 3"], *, quality: int = 95) -> bytes:
     """Return an RGB picture as the bytes of a JPEG (4:4:4)."""
     contiguous = np.ascontiguousarray(rgb)
     return simplejpeg.encode_jpeg(contiguous, quality=quality, colorspace="RGB")
+
+
+def plain(value: object) -> object:
+    """Turn options into what JSON has; a value it has not becomes its text, never a failure."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
 
 
 def _refuse_taken(target: Path, out: Path) -> None:

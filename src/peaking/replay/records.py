@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from peaking.output import plain
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:
@@ -185,7 +187,7 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
     document = {
         "version": settings.version,
         "preset": settings.preset,
-        "options": _plain(settings.options),
+        "options": plain(settings.options),
         "scene": settings.scene,
         "size_px": list(settings.size_px),
         "fps": settings.fps,
@@ -199,21 +201,6 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
     }
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, text + "\n")
-
-
-def _plain(value: object) -> object:
-    """Turn options into what JSON has; a value it has not becomes its text, never a failure."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return str(value)
 
 
 def write_text(path: Path, text: str) -> None:
