@@ -28,6 +28,7 @@ ORDER = [
     "timing",
     "pipeline",
     "output",
+    "page",
     "mpi_file",
     "datasets",
     "guidance",

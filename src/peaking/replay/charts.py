@@ -1,6 +1,6 @@
 """The peaked share over the frames, as SVG.
 
-Colours and fonts come from the page's style sheet by class names (`report.css`).
+Colours and fonts come from the page's style sheet by class names (`page.css`, `report.css`).
 """
 
 from __future__ import annotations

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from importlib import resources
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from peaking.page import both_sizes, html_page, jpeg_image, legend, options_table, resource
 from peaking.replay.charts import MAX_POINTS, percent, share_chart
 from peaking.replay.path_map import MapView, map_view, path_map
 from peaking.replay.records import FrameRecord, ReplaySettings, ReplaySummary, write_text
@@ -49,8 +48,7 @@ def write_report(
         raise ValueError("need at least 1 frame to report on")
     settings = summary.settings
     view = map_view(records)
-    style, script = _resource("report.css"), _resource("report.js")
-    title = html.escape(settings.scene)
+    style, script = (resource("peaking.replay", name) for name in ("report.css", "report.js"))
     sections = [
         _header(path.parent, summary),
         _numbers(summary),
@@ -62,21 +60,16 @@ def write_report(
     frames = _frames_json(records, view)
     rest = len(frames) + sum(len(section) for section in sections)
     sections.insert(-1, _stills_section(records, stills, most_bytes=PAGE_BYTES - rest))
-    page = (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}: peaking replay</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        f"<main>\n{''.join(sections)}"
-        f"<footer>Made by peaking {html.escape(settings.version)}.</footer>\n</main>\n"
+    sections.append(f"<footer>Made by peaking {html.escape(settings.version)}.</footer>\n")
+    below = (
         '<div id="tip"></div>\n'
         f'<script type="application/json" id="frames">{frames}</script>\n'
-        f"<script>\n{script}</script>\n</body>\n</html>\n"
+        f"<script>\n{script}</script>\n"
+    )
+    page = html_page(
+        f"{settings.scene}: peaking replay", "".join(sections), style=style, below=below
     )
     write_text(path, page)
-
-
-def _resource(name: str) -> str:
-    return resources.files("peaking.replay").joinpath(name).read_text(encoding="utf-8")
 
 
 def _header(folder: Path, summary: ReplaySummary) -> str:
@@ -139,7 +132,7 @@ def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> st
     threshold_share = summary.settings.threshold_share
     wide = share_chart(records, (1080, 300), threshold_share=threshold_share)
     narrow = share_chart(records, (350, 240), threshold_share=threshold_share)
-    legend = [
+    entries = [
         ('<path class="curve" d="M0 10L9 4L17 9L26 3"/>', "peaked share"),
         (
             '<line class="threshold" x1="0" x2="26" y1="7" y2="7"/>',
@@ -148,18 +141,18 @@ def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> st
         ('<g class="shutter"><path d="M8 2h10l-5 9z"/></g>', "captured"),
     ]
     if any(r.missing_share is not None for r in records):
-        legend.append(('<path class="missing" d="M0 7H26"/>', "missing (in no captured view)"))
+        entries.append(('<path class="missing" d="M0 7H26"/>', "missing (in no captured view)"))
     return (
         "<section><h2>Peaked share over the frames</h2>"
         '<p class="note">Part of the picture shown red, before a capture. Until the first view '
         "is captured there is nothing to compare with.</p>"
-        f"{_both(wide, narrow)}{_legend(legend)}</section>\n"
+        f"{both_sizes(wide, narrow)}{legend(entries)}</section>\n"
     )
 
 
 def _map_section(records: Sequence[FrameRecord], view: MapView) -> str:
     wide, narrow = path_map(records, view, (640, 430)), path_map(records, view, (350, 320))
-    legend = [
+    entries = [
         ('<path class="path" d="M0 11L9 4L17 9L26 3"/>', "camera"),
         (
             '<g class="view"><path d="M13 13L7 2H19Z"/><circle r="2" cx="13" cy="13"/></g>',
@@ -168,23 +161,8 @@ def _map_section(records: Sequence[FrameRecord], view: MapView) -> str:
     ]
     return (
         f'<section><h2>Path of the camera</h2><p class="note">{view.words.capitalize()}; '
-        f"both axes to the same scale.</p>{_both(wide, narrow)}{_legend(legend)}</section>"
+        f"both axes to the same scale.</p>{both_sizes(wide, narrow)}{legend(entries)}</section>"
     )
-
-
-def _both(wide: str, narrow: str) -> str:
-    """Two sizes of a drawing, so that its text is legible on a phone; the style sheet chooses."""
-    return wide.replace('class="', 'class="wide ', 1) + narrow.replace(
-        'class="', 'class="narrow ', 1
-    )
-
-
-def _legend(entries: Sequence[tuple[str, str]]) -> str:
-    items = "".join(
-        f'<li><svg viewBox="0 0 26 14" aria-hidden="true">{drawing}</svg>{words}</li>'
-        for drawing, words in entries
-    )
-    return f'<ul class="legend">{items}</ul>'
 
 
 def _stages(summary: ReplaySummary) -> str:
@@ -237,8 +215,7 @@ def _figure(still: Still, record: FrameRecord | None, jpegs: tuple[bytes, bytes,
         "peaks": f"Frame {still.index} with the differing pixels in red, {share}",
     }
     images = "".join(
-        f'<div><img alt="{alt}" src="data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}">'
-        f"<p>{name}{f' {share}' if name == 'peaks' else ''}</p></div>"
+        f"<div>{jpeg_image(jpeg, alt)}<p>{name}{f' {share}' if name == 'peaks' else ''}</p></div>"
         for (name, alt), jpeg in zip(captions.items(), jpegs, strict=True)
     )
     return (
@@ -248,27 +225,14 @@ def _figure(still: Still, record: FrameRecord | None, jpegs: tuple[bytes, bytes,
 
 
 def _options(summary: ReplaySummary) -> str:
-    rows = "".join(
-        f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>"
-        for name, value in _flat(_all_options(summary.settings))
-    )
     return (
         f"<section><details><summary>Options of the preset “{html.escape(summary.settings.preset)}”"
-        f' as used</summary><table class="options">{rows}</table></details></section>\n'
+        f" as used</summary>{options_table(_all_options(summary.settings))}</details></section>\n"
     )
 
 
 def _all_options(settings: ReplaySettings) -> dict[str, object]:
     return {**settings.options, **({} if settings.guide is None else {"guide": settings.guide})}
-
-
-def _flat(options: Mapping[str, object], above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield every option with the names of the groups it is in."""
-    for name, value in options.items():
-        if isinstance(value, Mapping):
-            yield from _flat({str(key): inner for key, inner in value.items()}, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", str(value)
 
 
 def _frames_json(records: Sequence[FrameRecord], view: MapView) -> str:
