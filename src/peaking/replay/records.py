@@ -192,7 +192,7 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
         "size_px": list(settings.size_px),
         "fps": settings.fps,
         "threshold_share": settings.threshold_share,
-        **({} if settings.guide is None else {"guide": _plain(settings.guide)}),
+        **({} if settings.guide is None else {"guide": plain(settings.guide)}),
         "frames": summary.frames,
         "captured": summary.captured,
         "captured_indices": list(summary.captured_indices),
