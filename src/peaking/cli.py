@@ -13,6 +13,7 @@ from peaking.commands import (
     bench,
     bench_live,
     demo,
+    evaluate,
     generate,
     plan,
     quality,
@@ -34,6 +35,7 @@ Examples:
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
   peaking plan --zmin 0.5 --area 0.15
+  peaking evaluate scenes/desk --out out/evaluation
   peaking quality scenes/desk
   peaking bench --json bench.json
   peaking bench live --json live.json
@@ -63,6 +65,7 @@ Commands = (
     | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
     | Annotated[render.Render, _subcommand("render", render.Render)]
     | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
+    | Annotated[evaluate.Evaluate, _subcommand("evaluate", evaluate.Evaluate)]
     | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
     | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]

@@ -1,0 +1,189 @@
+"""What is to be evaluated, and the steps that it takes: choosing views, then scoring them.
+
+A step is plain data with a key: what was done under a key is found again when the run goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import peaking
+from peaking.datasets.nerfstudio import Recording
+from peaking.datasets.transforms_json import FILE_NAME
+from peaking.evaluate.lpips import LpipsName
+from peaking.evaluate.reconstruct import Method, SplatPlan
+from peaking.evaluate.results import Case
+from peaking.evaluate.splits import TestViews
+from peaking.evaluate.strategies import RANDOM, STRATEGIES
+from peaking.presets import DEFAULT, Options
+
+PAPER_THRESHOLD_SHARE = 0.0428
+"""Mean peaked share over all viewpoints and participants of the paper's study."""
+
+REFERENCE = "peaking"
+"""The strategy that the others are compared with, where it takes part."""
+
+
+@dataclass(frozen=True)
+class EvaluationPlan:
+    """What to evaluate, and how."""
+
+    scenes: tuple[Path, ...]
+    options: Options = DEFAULT
+    strategies: tuple[str, ...] = tuple(STRATEGIES)
+    reconstruct: tuple[Method, ...] = ("mpi",)
+    test_views: tuple[TestViews, ...] = ("holdout",)
+    views: tuple[int, ...] | Literal["from-ours"] | None = None
+    """Numbers of views; or as many as `threshold` takes at `threshold_share`; or three budgets."""
+    threshold_share: float = PAPER_THRESHOLD_SHARE
+    seeds: int = 5
+    splat: SplatPlan = field(default_factory=SplatPlan)
+    lpips_folder: Path | None = None
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.strategies if name not in STRATEGIES]
+        if unknown or not self.strategies:
+            raise ValueError(f"need strategies among {', '.join(STRATEGIES)}, got {unknown}")
+        if not self.scenes or not self.reconstruct or not self.test_views or self.seeds < 1:
+            raise ValueError("need a scene, a reconstruction, test views and seeds >= 1")
+        if len({scene.resolve().name for scene in self.scenes}) < len(self.scenes):
+            raise ValueError("need scenes whose folders have different names")
+        if not 0 <= self.threshold_share < 1:
+            raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
+        if isinstance(self.views, tuple) and (not self.views or min(self.views) < 1):
+            raise ValueError(f"need numbers of views >= 1, got {self.views}")
+
+    @property
+    def reference(self) -> str:
+        """The strategy that the others are compared with."""
+        return REFERENCE if REFERENCE in self.strategies else self.strategies[0]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the configuration as it is written into results, without paths of this machine."""
+        return {
+            "scenes": [scene.resolve().name for scene in self.scenes],
+            "strategies": list(self.strategies),
+            "reconstruct": list(self.reconstruct),
+            "test_views": list(self.test_views),
+            "views": self.views if not isinstance(self.views, tuple) else list(self.views),
+            "threshold_share": self.threshold_share,
+            "seeds": self.seeds,
+            "reference": self.reference,
+            "splat": asdict(self.splat),
+            "options": self.options.as_dict(),
+        }
+
+
+@dataclass(frozen=True)
+class CountStep:
+    """Count the views that the paper's photographer takes."""
+
+    scene: Path
+    fingerprint: str
+    options: Options
+    threshold_share: float
+
+
+@dataclass(frozen=True)
+class ChooseStep:
+    """Let a strategy choose."""
+
+    scene: Path
+    fingerprint: str
+    options: Options
+    strategy: str
+    test_views: TestViews
+    num_views: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class ScoreStep:
+    """Reconstruct from chosen views, and score the test views."""
+
+    scene: Path
+    fingerprint: str
+    options: Options
+    reconstruct: Method
+    views: tuple[int, ...]
+    test: tuple[int, ...]
+    seed: int
+    splat: SplatPlan | None
+    lpips: tuple[LpipsName, ...]
+    lpips_folder: Path | None
+
+
+Step = CountStep | ChooseStep | ScoreStep
+
+
+def key_of(step: Step) -> str:
+    """Return a name that changes with everything that a step's result depends on."""
+    fields = {"step": type(step).__name__, "version": peaking.__version__, **asdict(step)}
+    for path in ("scene", "lpips_folder"):
+        fields.pop(path, None)
+    text = json.dumps(fields, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def fingerprint_of(recording: Recording) -> str:
+    """Return a short name for what a recording holds: its transforms.json and its files' sizes."""
+    digest = hashlib.sha256((recording.root / FILE_NAME).read_bytes())
+    for view in recording.views:
+        for name in (view.picture, view.depth):
+            size = (recording.root / name).stat().st_size if name else 0
+            digest.update(f"{name}:{size};".encode())
+    return digest.hexdigest()[:24]
+
+
+def choose_steps(
+    plan: EvaluationPlan, scene: Path, fingerprint: str, counts: Sequence[int]
+) -> list[ChooseStep]:
+    """Return every choice that a scene needs; strategies without chance have one seed."""
+    return [
+        ChooseStep(scene, fingerprint, plan.options, strategy, test_views, count, seed)
+        for test_views in plan.test_views
+        for count in counts
+        for strategy in plan.strategies
+        for seed in range(plan.seeds if strategy in RANDOM else 1)
+    ]
+
+
+def score_step(
+    plan: EvaluationPlan,
+    chosen: ChooseStep,
+    found: dict[str, Any],
+    *,
+    how: Method,
+    lpips: tuple[LpipsName, ...],
+) -> ScoreStep:
+    """Return the step that scores a choice; equal choices of two strategies give equal steps."""
+    with_splat = how == "3dgs"
+    return ScoreStep(
+        scene=chosen.scene,
+        fingerprint=chosen.fingerprint,
+        options=chosen.options,
+        reconstruct=how,
+        views=tuple(found["views"]),
+        test=tuple(found["test"]),
+        seed=chosen.seed if with_splat else 0,
+        splat=plan.splat if with_splat else None,
+        lpips=lpips,
+        lpips_folder=plan.lpips_folder,
+    )
+
+
+def case_of(chosen: ChooseStep, step: ScoreStep) -> Case:
+    """Return what a scored choice is called in the results."""
+    return Case(
+        scene=chosen.scene.resolve().name,
+        strategy=chosen.strategy,
+        reconstruct=step.reconstruct,
+        test_views=chosen.test_views,
+        n_views=len(step.views),
+        seed=chosen.seed,
+    )

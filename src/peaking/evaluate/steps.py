@@ -1,0 +1,108 @@
+"""Do one step of an evaluation. Runs in this process, in a worker, or on another machine."""
+
+from __future__ import annotations
+
+import base64
+import time
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from peaking.datasets.nerfstudio import open_recording
+from peaking.errors import RecordingError
+from peaking.evaluate.plan import ChooseStep, CountStep, ScoreStep, Step
+from peaking.evaluate.reconstruct import shrunk, with_gaussians, with_mpis
+from peaking.evaluate.scene import Scene
+from peaking.evaluate.scoring import Perceptual, score_views
+from peaking.evaluate.splits import LEAST_VIEWS, split
+from peaking.evaluate.strategies import STRATEGIES
+from peaking.evaluate.strategies.threshold import walk
+from peaking.presets import Options
+
+Found = dict[str, Any]
+"""What a step found, as it is written to the cache: plain JSON."""
+
+
+def perform(step: Step) -> Found:
+    """Do a step.
+
+    Raises:
+        RecordingError: The recording cannot be used, or has too few frames.
+        PeakingError: What was asked for is not installed.
+    """
+    if isinstance(step, CountStep):
+        return _count(step)
+    return _choose(step) if isinstance(step, ChooseStep) else _score(step)
+
+
+def usable_frames(scene: Scene) -> list[int]:
+    """Return the frames that can be chosen: those with depth, or all where none has depth."""
+    return list(scene.with_depth) or list(range(len(scene)))
+
+
+@lru_cache(maxsize=1)
+def _opened(root: Path, fingerprint: str, options: Options) -> Scene:
+    """Return the scene; a worker keeps the last one with its frames and MPIs."""
+    return Scene(open_recording(root), options)
+
+
+def _count(step: CountStep) -> Found:
+    scene = _opened(step.scene, step.fingerprint, step.options)
+    frames = split(scene, usable_frames(scene), "holdout", LEAST_VIEWS)
+    most = len(frames.candidates)
+    taken = walk(scene, frames.candidates, step.threshold_share, most=most)
+    return {"count": len(taken.views)}
+
+
+def _choose(step: ChooseStep) -> Found:
+    scene = _opened(step.scene, step.fingerprint, step.options)
+    start_s = time.perf_counter()
+    frames = split(scene, usable_frames(scene), step.test_views, step.num_views)
+    if step.strategy == "uniform" and frames.uniform is not None:
+        views = list(frames.uniform)
+    else:
+        rng = np.random.default_rng([step.seed, step.num_views])
+        choose = STRATEGIES[step.strategy]
+        views = choose(scene, frames.candidates, step.num_views, rng)
+    if step.strategy != "all" and len(views) != step.num_views:
+        raise RecordingError(
+            step.scene,
+            f"{step.strategy} found {len(views)} views where {step.num_views} were asked for",
+            remedy="ask for fewer (--views) or leave this strategy out (--strategies)",
+        )
+    return {
+        "views": [int(i) for i in views],
+        "test": list(frames.test),
+        "seconds": time.perf_counter() - start_s,
+    }
+
+
+def _score(step: ScoreStep) -> Found:
+    scene = _opened(step.scene, step.fingerprint, step.options)
+    start_s = time.perf_counter()
+    if step.splat is not None:
+        render = with_gaussians(scene, step.views, step.splat, seed=step.seed)
+        tested = [(i, shrunk(scene.recording.read(i), step.splat.pixels)) for i in step.test]
+    else:
+        render = with_mpis(scene, step.views)
+        tested = [(i, scene.frame(i)) for i in step.test]
+    built_s = time.perf_counter() - start_s
+    scores, pictures = score_views(tested, render, _perceptual(step))
+    return {
+        "scores": [asdict(score) for score in scores],
+        "pictures": {str(k): base64.b64encode(jpeg).decode() for k, jpeg in pictures.items()},
+        "built_seconds": built_s,
+        "seconds": time.perf_counter() - start_s,
+    }
+
+
+def _perceptual(step: ScoreStep) -> Perceptual:
+    if not step.lpips:
+        return Perceptual()
+    from peaking.evaluate.lpips import open_lpips
+
+    nets = {name: open_lpips(name, folder=step.lpips_folder) for name in step.lpips}
+    return Perceptual(nets.get("lpips-alex"), nets.get("st-lpips-alex"))
