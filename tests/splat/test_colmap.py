@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from peaking.datasets.nerfstudio import open_recording
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.splat.colmap import aligned, estimate_cameras, partners
 from peaking.splat.errors import CamerasNotFound
-from recordings import Room, lateral_cameras
+from recordings import lateral_cameras
+
+DESK = Path(__file__).parents[2] / "scenes" / "desk"
+POSITIONS_AGREE_M = 0.005
+"""Root mean square, of 10 cameras over the sample scene. Measured with 16 of them: 0.0006."""
+DIRECTIONS_AGREE_DEG = 0.2
+"""The worst. Measured with 16 cameras: 0.03."""
 
 
 def turned(axis: int, degrees: float) -> np.ndarray:
@@ -82,21 +90,22 @@ def test_partners_are_near_and_face_the_same_way() -> None:
 
 @pytest.mark.colmap
 @pytest.mark.filterwarnings("default")
-def test_colmap_finds_the_cameras_of_a_room() -> None:
-    room = Room()
-    frames: list[Frame] = []
-    for i, camera in enumerate(lateral_cameras(9, 480, 360)):
-        frames.append(Frame(f"{i}", room.photographed(camera)[0], camera))
+def test_colmap_finds_the_cameras_of_the_sample_scene() -> None:
+    """Its pictures are ray-traced, so the recorded cameras are exact."""
+    recording = open_recording(DESK)
+    frames = [recording.read(index) for index in range(0, len(recording), 15)]
     found = estimate_cameras(frames)
     placed = [(c, f.camera) for c, f in zip(found.cameras, frames, strict=True) if c is not None]
-    assert len(placed) >= 8
+    assert len(placed) >= len(frames) - 1
+    assert found.residual_m < POSITIONS_AGREE_M
     for camera, recorded in placed:
-        assert np.linalg.norm(camera.position_m - recorded.position_m) < 0.01
         assert camera.pinhole == recorded.pinhole
-        assert camera.forward @ recorded.forward > np.cos(np.radians(0.5))
-    z_m = found.points.places_m[:, 2]
-    assert len(z_m) > 50
-    assert np.median(np.minimum(np.abs(z_m - 2.0), np.abs(z_m - 1.0))) < 0.02
+        assert camera.forward @ recorded.forward > np.cos(np.radians(DIRECTIONS_AGREE_DEG))
+    depth_m = frames[0].depth_m
+    assert depth_m is not None
+    in_cam_m = frames[0].camera.world_from_cam.inverse().apply(found.points.places_m)
+    assert len(in_cam_m) > 200
+    assert 0.5 * depth_m[depth_m > 0].min() < np.median(in_cam_m[:, 2]) < 2 * depth_m.max()
 
 
 @pytest.mark.colmap
