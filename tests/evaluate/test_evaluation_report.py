@@ -259,6 +259,14 @@ def test_the_fair_test_views_are_open_and_the_others_folded(tmp_path: Path) -> N
     assert text.count("<details><summary>MPI, paper test views</summary>") == 3
 
 
+def test_a_perfect_view_has_no_finite_psnr_and_spoils_nothing(tmp_path: Path) -> None:
+    results = walk()
+    perfect = result(results[0].case, [float("inf"), *(s.psnr for s in results[0].scores[1:])])
+    write_report(tmp_path / "report.html", evaluation([perfect, *results[1:]]), out_root=tmp_path)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"\b(nan|inf)\b", text)
+
+
 def test_many_large_pictures_are_made_smaller_until_they_fit(tmp_path: Path) -> None:
     jpeg = noise_jpeg(1800, 500)
     results = with_pictures(walk(), tmp_path, jpeg, each=3)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from peaking.evaluate.results import CaseResult, Difference
+from peaking.evaluate.tables import finite_row
 from peaking.replay.charts import nice_at_least
 
 CURVE_METRICS = {
@@ -53,8 +54,8 @@ def curve_points(results: Sequence[CaseResult], metric: str) -> dict[str, list[t
     """
     seeds: dict[str, dict[int, list[float]]] = {}
     for result in results:
-        value = result.row()[metric]
-        if isinstance(value, float) and math.isfinite(value):
+        value = finite_row(result)[metric]
+        if isinstance(value, float):
             case = result.case
             seeds.setdefault(case.strategy, {}).setdefault(case.n_views, []).append(value)
     return {

@@ -182,7 +182,7 @@ def results_json(evaluation: Evaluation) -> str:
     document = {
         "config": plain(evaluation.config),
         "versions": plain(evaluation.versions),
-        "rows": [_row(result) for result in sorted(evaluation.results, key=lambda r: r.case)],
+        "rows": [finite_row(result) for result in sorted(evaluation.results, key=lambda r: r.case)],
         "compare": [asdict(difference) for difference in evaluation.comparisons],
     }
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -191,6 +191,16 @@ def results_json(evaluation: Evaluation) -> str:
 def column_heads(table: Table) -> list[str]:
     """Return the names of the columns with an arrow to the better side."""
     return [f"{LABELS[c]} {'↓' if c in LESS_IS_BETTER else '↑'}" for c in table.columns]
+
+
+def finite_row(result: CaseResult) -> dict[str, str | int | float | None]:
+    """Return the row of a data set, None where a number is infinite or not one."""
+    with np.errstate(invalid="ignore"):  # the PSNR of equal pictures is infinite
+        row = result.row()
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in row.items()
+    }
 
 
 def row_name(evaluation: Evaluation, strategy: str) -> str:
@@ -263,7 +273,7 @@ def _data_sets(
 
 
 def _cells(result: CaseResult) -> dict[str, Cell]:
-    row = _row(result)
+    row = finite_row(result)
     return {
         metric: Cell(_number(row["psnr_p5"]))
         if metric == "psnr_p5"
@@ -288,16 +298,6 @@ def _ratio(cell: Cell, reference: Cell) -> Cell:
 
 def _quotient(value: float | None, reference: float | None) -> float | None:
     return None if value is None or not reference else value / reference
-
-
-def _row(result: CaseResult) -> dict[str, str | int | float | None]:
-    """Return the row of a data set, None where a number is infinite or not one."""
-    with np.errstate(invalid="ignore"):  # the PSNR of equal pictures is infinite
-        row = result.row()
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row.items()
-    }
 
 
 def _number(value: str | int | float | None) -> float | None:
