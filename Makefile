@@ -1,10 +1,11 @@
 # All that people and CI call. `make demo` and `make test` do their own set-up.
-.PHONY: help install client wire check fix test bench quality demo replay clean
+.PHONY: help install torch client wire check fix test bench quality demo replay clean
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3.11
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+TORCH := .venv/.torch
 CLIENT := src/peaking/server/client/index.html
 CLIENT_SOURCES := $(wildcard web/*.html web/*.json web/*.ts) $(shell find web/src -type f)
 
@@ -16,6 +17,12 @@ install: $(INSTALLED) $(CLIENT)  ## Make .venv with peaking on its path, and wha
 
 $(INSTALLED): pyproject.toml requirements.lock scripts/make_venv
 	@scripts/make_venv "$(PYTHON)"
+	@touch $@
+
+torch: $(TORCH)  ## Bring PyTorch and transformers, for learned generators, into .venv
+
+$(TORCH): $(INSTALLED) requirements-torch.lock scripts/make_torch
+	@scripts/make_torch
 	@touch $@
 
 $(CLIENT): $(INSTALLED) $(CLIENT_SOURCES) scripts/make_client
@@ -39,7 +46,7 @@ test: install check  ## Pass all checks and tests, those in a real browser too
 	@scripts/with_node npm --prefix web run --silent test
 	@$(BIN)/pytest
 
-check: install  ## Check style and types
+check: install torch  ## Check style and types
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/pyright
@@ -49,7 +56,7 @@ fix: install  ## Mend style where it can be done by itself
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
 
-bench: install  ## Time the stages (peers need the extra: .venv/bin/pip install -e '.[torch]')
+bench: install  ## Time the stages (peers need PyTorch: make torch)
 	@$(BIN)/peaking bench
 
 quality: install  ## Measure the MPI from one view against its peers, on the sample scene

@@ -16,6 +16,7 @@ ORDER = [
     "errors",
     "geometry",
     "frame",
+    "weights",
     "depth",
     "mpi",
     "generate",

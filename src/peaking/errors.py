@@ -4,6 +4,7 @@ PeakingError
 ├── RecordingError      a recording (folder) or one of its files cannot be used
 ├── MpiFileError        bytes that are not a sound .mpi file
 ├── NothingToAlign      no pixel has both a metric depth and a rendered disparity
+├── WeightsError        a file of learned weights is missing, damaged or of another network
 ├── OutputError         the place to write to is taken, full or not writable
 ├── ToolMissing         a program or extra that was asked for is not installed
 └── BackendUnavailable  a compute backend that was asked for is not installed
@@ -37,6 +38,10 @@ class MpiFileError(PeakingError):
 
 class NothingToAlign(PeakingError):
     """No pixel has both a metric depth and a rendered disparity."""
+
+
+class WeightsError(PeakingError):
+    """A file of learned weights is missing, damaged, or of another network."""
 
 
 class OutputError(PeakingError):

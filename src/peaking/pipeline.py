@@ -24,7 +24,7 @@ from peaking.depth import complete
 from peaking.error_map import Comparison, ErrorMap, compare
 from peaking.errors import NothingToAlign, PeakingError
 from peaking.frame import Frame, working_size_px
-from peaking.generate.layered import Layered
+from peaking.generate.by_name import generator_named
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.nearest import Neighbour, nearest_by_distance, nearest_by_overlap
@@ -53,11 +53,18 @@ class LocalLightField:
     """The captured views, each an MPI in metres at the pose where it was photographed."""
 
     def __init__(self, options: Options = DEFAULT, *, stopwatch: Stopwatch | None = None) -> None:
-        """Begin without a view."""
+        """Begin without a view.
+
+        Raises:
+            BackendUnavailable: The generator needs PyTorch, or CUDA, which is not there.
+            WeightsError: Its weights are missing or cannot be used.
+        """
         self.options = options
         self.stopwatch = stopwatch or Stopwatch(time.perf_counter)
         self.views: list[Mpi] = []
-        self._generate = Layered(num_planes=options.num_planes)
+        self._generate = generator_named(
+            options.generator, num_planes=options.num_planes, learned=options.learned
+        )
         self._buffers: tuple[Float32[np.ndarray, "k h w 4"], Float32[np.ndarray, "k h w"]] | None
         self._buffers = None
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Literal
 
 from peaking.align import Method
 from peaking.frame import PAPER_PIXELS
+from peaking.generate.by_name import Device, GeneratorName, Learned, Precision
 from peaking.render.blend import Opacity
 
 PresetName = Literal["default", "paper"]
@@ -24,7 +26,7 @@ class Options:
 
     pixels: int
     """Pixels of an MPI plane and of the view; the picture's aspect is kept."""
-    generator: Literal["layered"]
+    generator: GeneratorName
     """Who makes the MPI."""
     num_planes: int
     """Planes of an MPI, D."""
@@ -42,6 +44,14 @@ class Options:
     """Misalignment in pixels that does not count as an error."""
     compensate_exposure: bool
     """Compare after equalising the exposure of the live picture and the view."""
+    depth_model: str | None = None
+    """Estimates the depth of frames without it: a folder, or a name of the Hugging Face hub."""
+    checkpoint: Path | None = None
+    """The generator's weights; None looks in the folder of weights."""
+    device: Device = "auto"
+    """Where networks run."""
+    precision: Precision = "float32"
+    """Of the generator's convolutions."""
 
     def __post_init__(self) -> None:
         if self.pixels < 256:
@@ -55,7 +65,14 @@ class Options:
 
     def as_dict(self) -> dict[str, object]:
         """Return the options as they are written into reports."""
-        return asdict(self)
+        written = asdict(self)
+        written["checkpoint"] = None if self.checkpoint is None else str(self.checkpoint)
+        return written
+
+    @property
+    def learned(self) -> Learned:
+        """What learned generators need."""
+        return Learned(self.checkpoint, self.device, self.precision)
 
 
 PAPER = Options(

@@ -18,6 +18,7 @@ class Generate:
     Examples:
       peaking generate scenes/desk --out view.mpi
       peaking generate scenes/desk --frame 40 --out view.mpi --codec lossless
+      peaking generate scenes/desk --out view.mpi --generator adampi --checkpoint adampi_32p.pth
     """
 
     scene: Annotated[Path, tyro.conf.Positional]

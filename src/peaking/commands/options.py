@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -33,6 +34,16 @@ class MethodFlags:
     """Misalignment in pixels that does not count as an error (paper 0, default 1)."""
     compensate_exposure: bool | None = None
     """Compare after equalising the exposure of the live picture and the view."""
+    generator: Literal["layered", "adampi"] | None = None
+    """Who makes the MPIs: `layered`, or the paper's `adampi`, which needs weights."""
+    checkpoint: Path | None = None
+    """File with the generator's weights; without, the folder that `peaking weights` names."""
+    depth_model: str | None = None
+    """Estimates depth where a frame has none: a folder, or a name of the Hugging Face hub."""
+    device: Literal["auto", "cpu", "cuda"] | None = None
+    """Where networks run (auto: CUDA where there is one)."""
+    precision: Literal["float32", "bfloat16", "float16"] | None = None
+    """Of the generator's convolutions; other than float32 on CUDA only."""
 
     def options(self) -> Options:
         """Return the preset with the flags that were given."""
