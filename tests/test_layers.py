@@ -23,6 +23,7 @@ ORDER = [
     "render",
     "align",
     "nearest",
+    "metric_depth",
     "error_map",
     "overlay",
     "presets",

@@ -21,6 +21,7 @@ from peaking.commands import (
     replay,
     serve,
     splat,
+    weights,
 )
 from peaking.errors import PeakingError
 
@@ -37,6 +38,7 @@ Examples:
   peaking plan --zmin 0.5 --area 0.15
   peaking evaluate scenes/desk --out out/evaluation
   peaking quality scenes/desk
+  peaking weights
   peaking bench --json bench.json
   peaking bench live --json live.json
 
@@ -67,6 +69,7 @@ Commands = (
     | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
     | Annotated[evaluate.Evaluate, _subcommand("evaluate", evaluate.Evaluate)]
     | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
+    | Annotated[weights.Weights, _subcommand("weights", weights.Weights)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
     | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, Float64, UInt8
 
 from peaking.geometry import Camera
 
@@ -19,6 +19,7 @@ class Frame:
     """One picture with its camera and, where the device gave it, metric depth.
 
     `depth_m` covers the same field of view as `rgb` at any size of the same aspect; 0 = unknown.
+    `points_m` are points of the world that the device tracked in it, where it tells them.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Frame:
     camera: Camera
     depth_m: Float32[np.ndarray, "dh dw"] | None = None
     timestamp_s: float | None = None
+    points_m: Float64[np.ndarray, "points 3"] | None = None
 
     def __post_init__(self) -> None:
         height, width = self.rgb.shape[:2]

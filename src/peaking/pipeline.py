@@ -14,18 +14,21 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, UInt8
 
 from peaking.align import align
 from peaking.depth import complete
+from peaking.depth.estimator import DepthEstimator, estimator_named
 from peaking.error_map import Comparison, ErrorMap, compare
 from peaking.errors import NothingToAlign, PeakingError
 from peaking.frame import Frame, working_size_px
 from peaking.generate.by_name import generator_named
 from peaking.geometry import Camera
+from peaking.metric_depth import Captured, estimate_depth
 from peaking.mpi import Mpi
 from peaking.nearest import Neighbour, nearest_by_distance, nearest_by_overlap
 from peaking.presets import DEFAULT, Options
@@ -52,8 +55,19 @@ class Seen:
 class LocalLightField:
     """The captured views, each an MPI in metres at the pose where it was photographed."""
 
-    def __init__(self, options: Options = DEFAULT, *, stopwatch: Stopwatch | None = None) -> None:
+    def __init__(
+        self,
+        options: Options = DEFAULT,
+        *,
+        stopwatch: Stopwatch | None = None,
+        estimator: DepthEstimator | None = None,
+    ) -> None:
         """Begin without a view.
+
+        Args:
+            options: How.
+            stopwatch: Takes the time of every stage.
+            estimator: Of the depth of frames without; else the one that the options name.
 
         Raises:
             BackendUnavailable: The generator needs PyTorch, or CUDA, which is not there.
@@ -62,6 +76,12 @@ class LocalLightField:
         self.options = options
         self.stopwatch = stopwatch or Stopwatch(time.perf_counter)
         self.views: list[Mpi] = []
+        self.guessed: set[int] = set()
+        """Numbers of the views whose scale is a guess, until a neighbour aligns them."""
+        self._captured: list[Captured] = []
+        self._estimator = estimator
+        if estimator is None and options.depth_model is not None:
+            self._estimator = estimator_named(options.depth_model, device=options.device)
         self._generate = generator_named(
             options.generator, num_planes=options.num_planes, learned=options.learned
         )
@@ -77,18 +97,51 @@ class LocalLightField:
     def add_view(self, frame: Frame) -> Mpi:
         """Make a captured frame part of the reconstruction.
 
+        With a depth model, frames without depth are welcome; one that nothing is known about is
+        `guessed` until a later view aligns it.
+
+        Raises:
+            PeakingError: The frame has no metric depth, and there is no depth model.
+        """
+        if self._estimator is None:
+            self.views.append(self.mpi_of(frame))
+            return self.views[-1]
+        captured = self.captured(frame, self._captured)
+        self.views.append(captured.mpi)
+        self._captured.append(captured)
+        if not captured.metric:
+            self.guessed.add(len(self.views) - 1)
+        for number in sorted(self.guessed - {len(self.views) - 1}):
+            self._align_again(number)
+        return self.views[-1]
+
+    def captured(self, frame: Frame, others: Sequence[Captured] = ()) -> Captured:
+        """Return a frame with its MPI, without keeping it; frames without depth are estimated.
+
+        Raises:
+            PeakingError: The frame has no metric depth, and there is no depth model.
+        """
+        known = frame.depth_m is not None and bool((frame.depth_m > 0).any())
+        if known or self._estimator is None:
+            return Captured(self.prepare(frame), self.mpi_of(frame), metric=True)
+        with self.stopwatch.stage("prepare"):
+            small = self.prepare(frame)
+        with self.stopwatch.stage("estimate"):
+            estimated = estimate_depth(small, self._estimator, others)
+        with self.stopwatch.stage("generate"):
+            mpi = self._generate(small.rgb, estimated.depth_m, small.camera)
+        return Captured(small, mpi, metric=estimated.fit is not None)
+
+    def mpi_of(self, frame: Frame) -> Mpi:
+        """Return the MPI of a frame with depth, in metres, without keeping it.
+
         Raises:
             PeakingError: The frame has no metric depth.
         """
-        mpi = self.mpi_of(frame)
-        self.views.append(mpi)
-        return mpi
-
-    def mpi_of(self, frame: Frame) -> Mpi:
-        """Return the MPI of a frame, in metres, without keeping it."""
         if frame.depth_m is None:
             raise PeakingError(
-                f"{frame.name}: no metric depth; record with depth (ARCore, LiDAR, RGB-D camera)"
+                f"{frame.name}: no metric depth; record with depth (ARCore, LiDAR, RGB-D camera), "
+                "or have it estimated: --depth-model"
             )
         with self.stopwatch.stage("prepare"):
             small = self.prepare(frame)
@@ -141,13 +194,31 @@ class LocalLightField:
             view = blend(rgba, depth_m, weights, opacity=self.options.opacity)
         return view, neighbours
 
+    def _align_again(self, number: int) -> None:
+        """Give a guessed view its place in metres, if other views now say where."""
+        others = [other for i, other in enumerate(self._captured) if i != number]
+        captured = self.captured(self._captured[number].frame, others)
+        if captured.metric:
+            self._captured[number] = captured
+            self.views[number] = captured.mpi
+            self.guessed.discard(number)
+
     def _nearest(self, camera: Camera) -> tuple[Neighbour, ...]:
-        cameras = [view.camera for view in self.views]
+        """Choose views; guessed ones only while there is no other."""
+        usable = [i for i in range(len(self.views)) if i not in self.guessed]
+        usable = usable or list(range(len(self.views)))
+        return tuple(
+            replace(neighbour, index=usable[neighbour.index])
+            for neighbour in self._nearest_of([self.views[i] for i in usable], camera)
+        )
+
+    def _nearest_of(self, views: Sequence[Mpi], camera: Camera) -> tuple[Neighbour, ...]:
+        cameras = [view.camera for view in views]
         count = self.options.neighbours
         if self.options.weights == "paper":
             return nearest_by_distance(cameras, camera, count=count)
         closest = nearest_by_distance(cameras, camera, count=1)[0]
-        scene_depth_m = float(np.median(self.views[closest.index].plane_depths_m))
+        scene_depth_m = float(np.median(views[closest.index].plane_depths_m))
         return nearest_by_overlap(cameras, camera, scene_depth_m, count=count)
 
     def _buffers_for(

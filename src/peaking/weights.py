@@ -152,10 +152,10 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _in_hub(model: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+def _in_hub(model: str) -> Path | None:
     """Return the newest snapshot of a model in the hub's cache, or None."""
-    home = Path(environment.get("HF_HOME") or Path.home() / ".cache/huggingface")
-    hub = Path(environment.get("HF_HUB_CACHE") or home / "hub")
+    home = Path(os.environ.get("HF_HOME") or Path.home() / ".cache/huggingface")
+    hub = Path(os.environ.get("HF_HUB_CACHE") or home / "hub")
     snapshots = hub / f"models--{model.replace('/', '--')}" / "snapshots"
     found = [path for path in snapshots.glob("*") if (path / "config.json").is_file()]
     return max(found, key=lambda path: path.stat().st_mtime, default=None)

@@ -1,0 +1,172 @@
+"""Depth models of the hub's interface, tiny and drawn; and what is said where they are missing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation, Dinov2Config
+
+from peaking.depth.estimator import DepthEstimator, estimator_named
+from peaking.depth.hub import Preparation
+from peaking.errors import WeightsError
+from peaking.weights import KNOWN, KnownWeights, depth_model_folder, state_of, weights_folder
+
+GREY = (0.5, 0.5, 0.5)
+
+PREPROCESSOR = {
+    "size": {"height": 70, "width": 70},
+    "keep_aspect_ratio": True,
+    "ensure_multiple_of": 14,
+    "image_mean": [0.485, 0.456, 0.406],
+    "image_std": [0.229, 0.224, 0.225],
+}
+
+
+def write_model(folder: Path, *, kind: str = "relative") -> Path:
+    """Write a Depth Anything V2 with drawn weights, of a thousandth of the size."""
+    backbone = Dinov2Config(
+        hidden_size=16,
+        num_hidden_layers=4,
+        num_attention_heads=2,
+        image_size=70,
+        patch_size=14,
+        out_features=["stage1", "stage2", "stage3", "stage4"],
+        reshape_hidden_states=False,
+    )
+    config = DepthAnythingConfig(
+        backbone_config=backbone,
+        reassemble_hidden_size=16,
+        neck_hidden_sizes=[4, 4, 8, 8],
+        fusion_hidden_size=8,
+        depth_estimation_type=kind,
+        max_depth=20 if kind == "metric" else 1,
+    )
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(1)
+        DepthAnythingForDepthEstimation(config).save_pretrained(folder)
+    (folder / "preprocessor_config.json").write_text(json.dumps(PREPROCESSOR))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_model(tmp_path_factory.mktemp("models") / "tiny-hf")
+
+
+def test_a_folder_is_an_estimator(model: Path) -> None:
+    estimator = estimator_named(str(model), device="cpu")
+    assert isinstance(estimator, DepthEstimator)
+    assert (estimator.name, estimator.metric) == ("tiny-hf", False)
+    rgb = np.random.default_rng(0).integers(0, 255, (64, 48, 3)).astype(np.uint8)
+    disparity = estimator(rgb)
+    assert disparity.shape == (64, 48)
+    assert np.isfinite(disparity).all()
+    np.testing.assert_array_equal(disparity, estimator(rgb))
+
+
+def test_a_metric_model_gives_one_over_metres(tmp_path: Path) -> None:
+    estimator = estimator_named(str(write_model(tmp_path, kind="metric")), device="cpu")
+    assert estimator.metric
+    disparity = estimator(np.zeros((48, 64, 3), np.uint8))
+    assert disparity.min() >= 1 / 20 - 1e-6
+
+
+def test_sizes_are_those_of_the_hub_s_own_preparation() -> None:
+    small = Preparation(518, 518, True, 14, GREY, GREY)
+    assert small.size_px(294, 639) == (238, 518)
+    assert small.size_px(518, 518) == (518, 518)
+    stretched = Preparation(384, 384, False, 1, GREY, GREY)
+    assert stretched.size_px(294, 639) == (384, 384)
+
+
+def test_colours_are_normalised() -> None:
+    prepare = Preparation(14, 14, False, 14, (0.5, 0.0, 0.0), (0.5, 1.0, 2.0))
+    made = prepare(np.full((14, 14, 3), 255, np.uint8))
+    assert made.shape == (1, 3, 14, 14)
+    np.testing.assert_allclose(made[0, :, 0, 0], [1.0, 1.0, 0.5])
+
+
+# Where files lie
+
+
+def test_a_missing_model_is_said_with_what_to_put_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
+    with pytest.raises(WeightsError) as caught:
+        estimator_named("someone/some-depth-hf")
+    assert "downloads nothing" in str(caught.value)
+    assert f"into {tmp_path / 'some-depth-hf'}" in str(caught.value)
+
+
+def test_damaged_weights_are_refused(tmp_path: Path) -> None:
+    write_model(tmp_path)
+    weights = tmp_path / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:1000])
+    with pytest.raises(WeightsError, match="cannot be read"):
+        estimator_named(str(tmp_path), device="cpu")
+
+
+def test_a_pickle_in_place_of_safetensors_is_not_opened(tmp_path: Path) -> None:
+    write_model(tmp_path)
+    (tmp_path / "model.safetensors").rename(tmp_path / "pytorch_model.bin")
+    with pytest.raises(WeightsError, match="cannot be read"):
+        estimator_named(str(tmp_path), device="cpu")
+
+
+def test_the_hub_s_cache_is_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    snapshot = tmp_path / "models--someone--some-depth-hf/snapshots/abc"
+    snapshot.mkdir(parents=True)
+    (snapshot / "config.json").write_text("{}")
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
+    assert depth_model_folder("someone/some-depth-hf", tmp_path / "none") == snapshot
+
+
+def test_the_folder_of_weights_can_be_chosen() -> None:
+    assert weights_folder({"PEAKING_WEIGHTS": "/w"}) == Path("/w")
+    assert weights_folder({"XDG_DATA_HOME": "/d"}) == Path("/d/peaking/weights")
+
+
+def test_hashes_that_were_published_are_compared(tmp_path: Path) -> None:
+    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    assert state_of(known, tmp_path) == "missing"
+    file = tmp_path / known.file
+    file.parent.mkdir()
+    file.write_bytes(b"weights")
+    assert state_of(known, tmp_path) == "not published"
+    note = file.parent / ".cache/huggingface/download/model.safetensors.metadata"
+    note.parent.mkdir(parents=True)
+    note.write_text(f"commit\n{hashlib.sha256(b'weights').hexdigest()}\n1.0\n")
+    assert state_of(known, tmp_path) == "ok"
+    file.write_bytes(b"other")
+    assert state_of(known, tmp_path) == "wrong"
+
+
+def test_a_cached_file_is_named_by_its_hash(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snapshot = tmp_path / "models--n--model/snapshots/abc"
+    blobs = tmp_path / "models--n--model/blobs"
+    snapshot.mkdir(parents=True)
+    blobs.mkdir()
+    (snapshot / "config.json").write_text("{}")
+    blob = blobs / hashlib.sha256(b"weights").hexdigest()
+    blob.write_bytes(b"weights")
+    (snapshot / "model.safetensors").symlink_to(blob)
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
+    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    assert state_of(known, tmp_path / "none") == "ok"
+    blob.write_bytes(b"other")
+    assert state_of(known, tmp_path / "none") == "wrong"
+
+
+def test_every_known_file_has_a_licence_and_a_source() -> None:
+    for known in KNOWN:
+        assert known.licence
+        assert known.source.startswith("https://")
