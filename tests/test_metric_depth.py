@@ -132,6 +132,17 @@ def test_a_guessed_view_is_flagged_and_aligned_when_a_neighbour_comes(three: Thr
     assert error < ERROR_WITH_POINTS
 
 
+def test_a_sensor_of_few_samples_tells_the_scale_of_an_estimate(three: Three) -> None:
+    frame = three.frames[1]
+    assert frame.depth_m is not None
+    few_m = cv2.resize(frame.depth_m, (16, 12), interpolation=cv2.INTER_NEAREST)
+    few = replace(frame, depth_m=few_m.astype(np.float32))
+    captured = LocalLightField(estimator=three.estimator).captured(few)
+    assert captured.metric
+    shown_m = render(captured.mpi, frame.camera).depth_m
+    assert np.median(np.abs(shown_m / three.depths_m[1] - 1)) < ERROR_WITH_POINTS
+
+
 def test_guessed_views_are_not_shown_beside_known_ones() -> None:
     three = three_of(open_recording(DESK), 4)
     field = LocalLightField(estimator=three.estimator)

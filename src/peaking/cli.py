@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands import (
     bench,
+    bench_generators,
     bench_live,
     demo,
     evaluate,
@@ -41,6 +42,7 @@ Examples:
   peaking weights
   peaking bench --json bench.json
   peaking bench live --json live.json
+  peaking bench generators
 
 `peaking COMMAND --help` tells about one command."""
 
@@ -72,14 +74,18 @@ Commands = (
     | Annotated[weights.Weights, _subcommand("weights", weights.Weights)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
     | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
+    | Annotated[
+        bench_generators.BenchGenerators,
+        _subcommand("bench-generators", bench_generators.BenchGenerators),
+    ]
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; exit code 2 for bad input, 130 for Ctrl-C."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words[:2] == ["bench", "live"]:
-        words[:2] = ["bench-live"]
+    if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"]):
+        words[:2] = [f"bench-{words[1]}"]
     command: Command = tyro.cli(
         Commands,  # type: ignore[arg-type]
         prog="peaking",

@@ -26,6 +26,7 @@ from peaking.depth.estimator import DepthEstimator, estimator_named
 from peaking.error_map import Comparison, ErrorMap, compare
 from peaking.errors import NothingToAlign, PeakingError
 from peaking.frame import Frame, working_size_px
+from peaking.generate import Generator
 from peaking.generate.by_name import generator_named
 from peaking.geometry import Camera
 from peaking.metric_depth import Captured, estimate_depth
@@ -35,6 +36,9 @@ from peaking.presets import DEFAULT, Options
 from peaking.render import Rendering, render
 from peaking.render.blend import blend
 from peaking.timing import Stopwatch
+
+LEAST_SAMPLES = 1000
+"""Of a sensor. Fewer are not completed where depth can be estimated, but tell its scale."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ class LocalLightField:
         options: Options = DEFAULT,
         *,
         stopwatch: Stopwatch | None = None,
+        generator: Generator | None = None,
         estimator: DepthEstimator | None = None,
     ) -> None:
         """Begin without a view.
@@ -67,6 +72,7 @@ class LocalLightField:
         Args:
             options: How.
             stopwatch: Takes the time of every stage.
+            generator: Of MPIs; else the one that the options name.
             estimator: Of the depth of frames without; else the one that the options name.
 
         Raises:
@@ -82,7 +88,7 @@ class LocalLightField:
         self._estimator = estimator
         if estimator is None and options.depth_model is not None:
             self._estimator = estimator_named(options.depth_model, device=options.device)
-        self._generate = generator_named(
+        self._generate = generator or generator_named(
             options.generator, num_planes=options.num_planes, learned=options.learned
         )
         self._buffers: tuple[Float32[np.ndarray, "k h w 4"], Float32[np.ndarray, "k h w"]] | None
@@ -116,13 +122,15 @@ class LocalLightField:
         return self.views[-1]
 
     def captured(self, frame: Frame, others: Sequence[Captured] = ()) -> Captured:
-        """Return a frame with its MPI, without keeping it; frames without depth are estimated.
+        """Return a frame with its MPI, without keeping it.
+
+        Where depth is missing or sparse, and there is an estimator, it is estimated.
 
         Raises:
             PeakingError: The frame has no metric depth, and there is no depth model.
         """
-        known = frame.depth_m is not None and bool((frame.depth_m > 0).any())
-        if known or self._estimator is None:
+        samples = 0 if frame.depth_m is None else int((frame.depth_m > 0).sum())
+        if samples >= LEAST_SAMPLES or self._estimator is None:
             return Captured(self.prepare(frame), self.mpi_of(frame), metric=True)
         with self.stopwatch.stage("prepare"):
             small = self.prepare(frame)

@@ -56,7 +56,7 @@ def test_a_capture_is_read_back_as_it_was(tmp_path: Path) -> None:
     assert frame.depth_m is not None
     np.testing.assert_allclose(frame.depth_m * 1000, depth_mm(1), atol=1e-3)
     assert frame.camera.position_m[0] == pytest.approx(0.05)
-    assert again.unfinished() == [capture_id(1)]
+    assert again.unfinished("layered") == [capture_id(1)]
 
 
 def test_the_same_id_is_kept_once(tmp_path: Path) -> None:

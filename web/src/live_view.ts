@@ -40,7 +40,8 @@ export class LiveView implements Disposable {
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
   readonly #motion = new Motion();
-  readonly #known = new Set<string>();
+  /** The version of each view's MPI that the store was told of. */
+  readonly #known = new Map<string, number>();
   #wanted: ((captureId: string) => void) | null = null;
   /** A photo is on its way to the session. */
   #busy = false;
@@ -136,15 +137,19 @@ export class LiveView implements Disposable {
       }
       if (view.state !== 'ready') continue;
       this.timeline.mark(view.id, 'ready', now_ms);
-      if (this.#known.has(view.id)) continue;
-      this.#known.add(view.id);
-      this.store.add(view.id, cameraOfWire(view.camera), async () => {
-        const bytes = await this.session.mpiBytes(view.id);
+      const known = this.#known.get(view.id);
+      const version = view.mpiVersion;
+      if (known !== undefined && known >= version) continue;
+      this.#known.set(view.id, version);
+      const load = async (): Promise<ArrayBuffer> => {
+        const bytes = await this.session.mpiBytes(view.id, version);
         this.timeline.mark(view.id, 'fetched', performance.now());
         return bytes;
-      });
+      };
+      if (known === undefined) this.store.add(view.id, cameraOfWire(view.camera), load);
+      else this.store.replace(view.id, load);
     }
-    for (const id of this.#known) {
+    for (const id of Array.from(this.#known.keys())) {
       if (present.has(id)) continue;
       this.#known.delete(id);
       this.store.remove(id);
@@ -162,7 +167,7 @@ export class LiveView implements Disposable {
     if (frame.camera === null) return this.#frames > 1 ? 'tracking-lost' : 'no-picture';
     if (frame.image === null) return 'no-picture';
     if (this.#busy) return 'busy';
-    if (!this.#hasDepth) return 'no-depth';
+    if (!this.#hasDepth && this.options.depth_model == null) return 'no-depth';
     if (this.#motion.tooFast) return 'too-fast';
     return null;
   }

@@ -42,6 +42,9 @@ export interface Capture {
   readonly time_s: number;
   readonly state: 'failed' | 'queued' | 'ready';
   readonly mpi_bytes?: number | null;
+  readonly mpi_version?: number;
+  readonly generator?: string | null;
+  readonly guessed?: boolean;
   readonly problem?: string | null;
   readonly removed?: boolean;
 }
@@ -106,6 +109,8 @@ export interface Options {
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
+  readonly generator: string;
+  readonly depth_model?: string | null;
 }
 
 /** GET /api/v1/server: the first thing a client asks. */

@@ -159,3 +159,51 @@ describe('an MPI that cannot be read', () => {
     expect(alive.size).toBe(0);
   });
 });
+
+test('a better MPI takes the place of the first, which is shown until then', async () => {
+  const { gl, alive } = graphics();
+  const store = new MpiStore(gl, { decoder, maxResident: 3 });
+  store.add('a', CAMERA, file);
+  await settle();
+  const first = store.resident('a');
+  const made = alive.size;
+  let arrive: (bytes: ArrayBuffer) => void = () => undefined;
+  store.replace('a', () => new Promise((resolve) => { arrive = resolve; }));
+  await settle();
+  expect(store.want('a')).toBe(first);
+  arrive(new ArrayBuffer(1));
+  await settle();
+  expect(store.resident('a')).not.toBe(first);
+  expect(store.resident('a')).not.toBeNull();
+  expect(alive.size).toBe(made);
+});
+
+test('one that is replaced while it is on its way comes twice, the better one last', async () => {
+  const { gl, alive } = graphics();
+  const asked: string[] = [];
+  const store = new MpiStore(gl, { decoder, maxResident: 3 });
+  const load = (name: string) => async (): Promise<ArrayBuffer> => {
+    asked.push(name);
+    return new ArrayBuffer(1);
+  };
+  store.add('a', CAMERA, load('first'));
+  store.replace('a', load('better'));
+  await settle();
+  await settle();
+  expect(asked).toEqual(['first', 'better']);
+  store.remove('a');
+  expect(alive.size).toBe(0);
+});
+
+test('a better one that cannot be had leaves the first in the picture', async () => {
+  const { gl } = graphics();
+  const onProblem = vi.fn();
+  const store = new MpiStore(gl, { decoder, maxResident: 3, onProblem });
+  store.add('a', CAMERA, file);
+  await settle();
+  const first = store.resident('a');
+  store.replace('a', async () => { throw new Error('gone'); });
+  await settle();
+  expect(store.resident('a')).toBe(first);
+  expect(onProblem).toHaveBeenCalled();
+});

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 from urllib.parse import quote
 
 import tyro
+
+from peaking.commands.options import MethodFlags
 
 
 @dataclass(frozen=True)
@@ -31,10 +33,9 @@ class Demo:
     """Address to listen at; only addresses of this machine alone."""
     port: int = 8000
     """Port, or the next free one; 0 takes any."""
-    preset: Literal["default", "paper"] = "default"
-    """`default` is our best, `paper` is the paper to the letter."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
+    method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
@@ -42,7 +43,6 @@ class Demo:
         import webbrowser
 
         from peaking.datasets.nerfstudio import open_recording
-        from peaking.presets import PRESETS
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
         from peaking.server.run import CLIENT_DIR, bind, serve
@@ -77,7 +77,7 @@ class Demo:
             config=ServerConfig(
                 token=None,
                 client_dir=CLIENT_DIR,
-                options=PRESETS[self.preset],
+                options=self.method.options(),
                 recordings=recordings,
             ),
             started=started,

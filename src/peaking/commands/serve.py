@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
+
+from peaking.commands.options import MethodFlags
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class Serve:
       peaking serve ~/captures
       peaking serve --adb                # a phone on a USB cable
       peaking serve --port 9443 --preset paper
+      peaking serve --generator adampi   # layered MPIs at once, learned ones when they are ready
     """
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("sessions")
@@ -29,12 +32,11 @@ class Serve:
     """Address to listen at; all of them by default."""
     port: int = 8443
     """Port, or the next free one; 0 takes any."""
-    preset: Literal["default", "paper"] = "default"
-    """`default` is our best, `paper` is the paper to the letter."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """For a phone on a USB cable: plain http at localhost, through `adb reverse`."""
     token: str | None = None
     """Secret of the pairing link; a new one is drawn when it is not given."""
+    method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
@@ -43,7 +45,6 @@ class Serve:
 
         import segno
 
-        from peaking.presets import PRESETS
         from peaking.server.app import ServerConfig
         from peaking.server.certificates import (
             authority,
@@ -91,7 +92,7 @@ class Serve:
             config=ServerConfig(
                 token=token,
                 client_dir=CLIENT_DIR,
-                options=PRESETS[self.preset],
+                options=self.method.options(),
                 secure=not self.adb,
             ),
             context=context,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Weights:
-    """List the learned weights that peaking can use: where they go, licences, whether they are sound.
+    """List the learned weights that peaking can use: where they go, licences, soundness.
 
     Nothing is downloaded. Files are compared with the hash that their authors published, where the
     Hugging Face hub noted one.

@@ -79,7 +79,7 @@ class _Handlers:
         self.hub = Hub()
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
-            for capture_id in session.unfinished():
+            for capture_id in session.unfinished(config.options.generator):
                 self.queue.put(session, capture_id)
 
     def close(self) -> None:
@@ -224,7 +224,10 @@ class _Handlers:
         capture = session.capture(_id(request, "capture"))
         if capture.state != "ready":
             raise HTTPException(404, "There is no MPI of this capture yet.")
-        return _file(session.mpi_path(capture.id), "application/octet-stream")
+        version = request.path_params.get("version", 1)
+        if not 1 <= version <= capture.mpi_version:
+            raise HTTPException(404, "There is no such version of this MPI.")
+        return _file(session.mpi_path(capture.id, version), "application/octet-stream")
 
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
@@ -349,6 +352,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(capture, server.upload, methods=["POST"]),
         Route(capture, server.remove, methods=["DELETE"]),
         Route(capture + "/mpi", server.mpi, methods=["GET"]),
+        Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
         Route(capture + "/photo", server.photo, methods=["GET"]),
         Route(capture + "/thumbnail", server.thumbnail, methods=["GET"]),
         Route("/api/v1/recordings/{recording}", server.recording, methods=["GET"]),

@@ -7,18 +7,23 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from peaking.depth.estimator import estimator_named
 from peaking.errors import PeakingError
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
-from peaking.mpi_file import encode
+from peaking.metric_depth import NEIGHBOURS, Captured
+from peaking.mpi_file import encode, read_mpi
+from peaking.nearest import nearest_by_distance
 from peaking.pipeline import LocalLightField
 from peaking.presets import Options
 from peaking.server import wire
 from peaking.server.durable import DiskFull
-from peaking.server.sessions import OpenSession
+from peaking.server.sessions import FAST, OpenSession
+from peaking.server.upload import camera_of_wire
 
 CAPACITY = 64
 ROOM_AGAIN_S = 5.0
@@ -26,13 +31,17 @@ ROOM_AGAIN_S = 5.0
 NO_ROOM = "The server's disk is full: the photo is safe there, but joins only when there is room."
 _log = logging.getLogger("peaking.server")
 
+Waiting = queue.SimpleQueue[tuple[OpenSession, str] | None]
 Done = Callable[[OpenSession, wire.Capture], None]
 
 
 class GenerationQueue:
     """A bounded queue of captures, and threads that make their MPIs.
 
-    numba's kernels and the JPEG codec let go of the interpreter while they work.
+    `layered` MPIs are made at once. When the options name another generator, a thread of its own
+    makes the better ones after that, and each takes the place of the first.
+
+    numba's kernels, the JPEG codec and PyTorch let go of the interpreter while they work.
     """
 
     def __init__(
@@ -43,20 +52,36 @@ class GenerationQueue:
         Args:
             options: How MPIs are made.
             on_done: Called from a worker when an MPI is ready or has failed.
-            workers: Threads.
+            workers: Threads that make MPIs at once.
             capacity: Captures that may wait.
+
+        Raises:
+            BackendUnavailable: PyTorch is asked for by the options, and is not there.
+            WeightsError: Weights are missing or cannot be used.
         """
-        self._options = options
         self._on_done = on_done
         self._capacity = capacity
-        self._waiting: queue.SimpleQueue[tuple[OpenSession, str] | None] = queue.SimpleQueue()
+        self._waiting: Waiting = queue.SimpleQueue()
+        self._better: Waiting = queue.SimpleQueue()
         self._short_of_room: queue.SimpleQueue[tuple[OpenSession, str]] = queue.SimpleQueue()
         self._disk_full = False
         self._warm = threading.Event()
+        self._fast = replace(options, generator=FAST)
+        self._estimator = None
+        if options.depth_model is not None:
+            self._estimator = estimator_named(options.depth_model, device=options.device)
         self._threads = [
             threading.Thread(target=self._work, name=f"mpi-{number}", daemon=True)
             for number in range(workers)
         ]
+        self._improves = options.generator != FAST
+        if self._improves:
+            better = LocalLightField(options, estimator=self._estimator)
+            self._threads.append(
+                threading.Thread(
+                    target=self._improve, args=(better,), name="mpi-better", daemon=True
+                )
+            )
         for thread in self._threads:
             thread.start()
 
@@ -81,24 +106,28 @@ class GenerationQueue:
 
     def close(self) -> None:
         """Let the threads finish what they do; what waits is done at the next start."""
-        while not self._waiting.empty():
-            try:
-                self._waiting.get_nowait()
-            except queue.Empty:
-                break
+        for waiting in (self._waiting, self._better):
+            while not waiting.empty():
+                try:
+                    waiting.get_nowait()
+                except queue.Empty:
+                    break
         for _ in self._threads:
             self._waiting.put(None)
+        self._better.put(None)
         for thread in self._threads:
             thread.join(10)
 
+    # At once
+
     def _work(self) -> None:
-        field = LocalLightField(self._options)
+        field = LocalLightField(self._fast, estimator=self._estimator)
         encode(field.mpi_of(_small_frame()))
         self._warm.set()
         while (item := self._next()) is not None:
             session, capture_id = item
             try:
-                self._on_done(session, self._make(field, session, capture_id))
+                self._serve(field, session, session.capture(capture_id))
             except Exception:  # whatever it is, the next capture must be served
                 _log.exception("capture %s was not served to the end", capture_id)
 
@@ -113,26 +142,109 @@ class GenerationQueue:
                 with contextlib.suppress(queue.Empty):  # another thread may have taken it
                     return self._short_of_room.get_nowait()
 
-    def _make(self, field: LocalLightField, session: OpenSession, capture_id: str) -> wire.Capture:
+    def _serve(self, field: LocalLightField, session: OpenSession, before: wire.Capture) -> None:
+        after = self._make(field, session, before)
+        self._on_done(session, after)
+        if after.state != "ready" or after.removed or after.guessed:
+            return
+        if after.mpi_version > before.mpi_version:
+            self._ask_again(session, after.id)
+        if self._improves:
+            self._better.put((session, after.id))
+
+    def _make(
+        self, field: LocalLightField, session: OpenSession, capture: wire.Capture
+    ) -> wire.Capture:
+        if capture.removed or (capture.state == "ready" and not capture.guessed):
+            return capture
         try:
-            capture = session.capture(capture_id)
-            if capture.removed or capture.state == "ready":
-                return capture
-            mpi = encode(field.mpi_of(session.frame_of(capture_id)))
-            ready = session.mark_ready(capture_id, mpi)
+            frame = session.frame_of(capture.id)
+            made = field.captured(frame, self._others(field, session, capture, frame))
+            if capture.state == "ready" and not made.metric:
+                return capture  # as much of a guess as before
+            ready = _kept(session, capture, made)
             self._disk_full = False
             return ready
-        except DiskFull:
+        except DiskFull as error:
+            if capture.state == "ready":  # the guess stays
+                return session.mark_not_better(capture.id, str(error))
             self._disk_full = True
-            self._short_of_room.put((session, capture_id))
-            return session.mark_failed(capture_id, NO_ROOM)
+            self._short_of_room.put((session, capture.id))
+            return session.mark_failed(capture.id, NO_ROOM)
         except PeakingError as error:
-            return session.mark_failed(capture_id, str(error))
+            return session.mark_failed(capture.id, str(error))
         except Exception:  # whatever it is, the next capture must be served
-            _log.exception("making the MPI of capture %s failed", capture_id)
+            _log.exception("making the MPI of capture %s failed", capture.id)
             return session.mark_failed(
-                capture_id, "The MPI could not be made; the server's log says why."
+                capture.id, "The MPI could not be made; the server's log says why."
             )
+
+    def _ask_again(self, session: OpenSession, capture_id: str) -> None:
+        """A view came into its place: those whose scale is a guess may be told it now."""
+        for other in session.captures:
+            if other.guessed and not other.removed and other.id != capture_id:
+                self.put(session, other.id)
+
+    # Better ones, later
+
+    def _improve(self, field: LocalLightField) -> None:
+        while (item := self._better.get()) is not None:
+            session, capture_id = item
+            capture = session.capture(capture_id)
+            if capture.removed or capture.guessed or capture.generator == field.options.generator:
+                continue
+            try:
+                frame = session.frame_of(capture_id)
+                made = field.captured(frame, self._others(field, session, capture, frame))
+                if made.metric:
+                    self._on_done(session, _kept(session, capture, made))
+            except PeakingError as error:
+                self._on_done(session, session.mark_not_better(capture_id, str(error)))
+            except Exception:  # the first MPI stays, and the next capture must be served
+                _log.exception("making a better MPI of capture %s failed", capture_id)
+                problem = "No better MPI could be made; the server's log says why."
+                self._on_done(session, session.mark_not_better(capture_id, problem))
+
+    # Neighbours
+
+    def _others(
+        self, field: LocalLightField, session: OpenSession, capture: wire.Capture, frame: Frame
+    ) -> list[Captured]:
+        """Return the views around a capture without depth, which may tell its scale."""
+        if self._estimator is None or frame.depth_m is not None:
+            return []
+        around = [
+            other
+            for other in session.captures
+            if other.id != capture.id and not other.removed and other.state == "ready"
+        ]
+        cameras = [camera_of_wire(other.camera) for other in around]
+        if not cameras:
+            return []
+        count = min(NEIGHBOURS, len(cameras))
+        nearest = nearest_by_distance(cameras, frame.camera, count=count)
+        return [
+            Captured(
+                field.prepare(session.frame_of(other.id)),
+                read_mpi(session.mpi_path(other.id, other.mpi_version)),
+                metric=not other.guessed,
+            )
+            for other in (around[neighbour.index] for neighbour in nearest)
+        ]
+
+
+def _kept(session: OpenSession, capture: wire.Capture, made: Captured) -> wire.Capture:
+    kept = session.mark_ready(
+        capture.id, encode(made.mpi), generator=made.mpi.generator, guessed=not made.metric
+    )
+    _log.info(
+        "capture %d: MPI %d by %s%s",
+        kept.number,
+        kept.mpi_version,
+        kept.generator,
+        ", of a guessed scale" if kept.guessed else "",
+    )
+    return kept
 
 
 def _small_frame() -> Frame:

@@ -60,7 +60,8 @@ OPERATIONS = (
     Operation("get", _SESSION + "/dataset.zip", "The data set", bytes, media="application/zip"),
     Operation("post", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
     Operation("delete", _CAPTURE, "Undo a capture", wire.Capture),
-    Operation("get", _CAPTURE + "/mpi", "Its MPI", bytes, media=BINARY),
+    Operation("get", _CAPTURE + "/mpi", "Its first MPI", bytes, media=BINARY),
+    Operation("get", _CAPTURE + "/mpi/{version}", "A version of its MPI", bytes, media=BINARY),
     Operation("get", _CAPTURE + "/photo", "Its photo", bytes, media="image/jpeg"),
     Operation("get", _CAPTURE + "/thumbnail", "A small photo", bytes, media="image/jpeg"),
     Operation("get", "/api/v1/recordings/{recording}", "A recording", wire.RecordingIndex),
@@ -134,7 +135,7 @@ def _content(kind: Any, media: str, schema_of: dict[int, Any]) -> dict[str, Any]
 
 def _parameter(name: str) -> dict[str, Any]:
     kind: dict[str, Any] = {"type": "string"}
-    if name == "index":
+    if name in ("index", "version"):
         kind = {"type": "integer", "minimum": 0}
     elif name in ("session", "capture"):
         kind = {"type": "string", "pattern": r"^[0-9a-z][0-9a-z-]{7,63}$"}

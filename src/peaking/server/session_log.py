@@ -48,6 +48,15 @@ class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):
     id: str
 
 
+class MpiMade(Event, frozen=True, tag="MpiMade"):
+    """An MPI of a capture is on the disk: the first, or one that takes the place of another."""
+
+    id: str
+    version: int
+    generator: str
+    guessed: bool
+
+
 class SessionNamed(Event, frozen=True, tag="SessionNamed"):
     """Got another name."""
 
@@ -60,7 +69,7 @@ class SessionFinished(Event, frozen=True, tag="SessionFinished"):
     finished: bool
 
 
-AnyEvent = SessionBegun | CaptureStored | CaptureRemoved | SessionNamed | SessionFinished
+AnyEvent = SessionBegun | CaptureStored | CaptureRemoved | MpiMade | SessionNamed | SessionFinished
 
 
 class SessionLog:

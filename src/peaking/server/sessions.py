@@ -21,6 +21,7 @@ import msgspec
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.frame import Frame
+from peaking.generate.by_name import GeneratorName
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
@@ -35,6 +36,9 @@ from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
 
 TRANSFORMS = "transforms.json"
+FAST: GeneratorName = "layered"
+"""The generator whose MPIs are made at once."""
+
 FOLDERS = ("images", "depth", "mpi", "removed/images", "removed/depth")
 _log = logging.getLogger("peaking.server")
 
@@ -127,9 +131,14 @@ class OpenSession:
         with self._lock:
             return wire.Session(self.summary(live=live), self.captures)
 
-    def unfinished(self) -> list[str]:
-        """Return the ids of captures whose MPI is still to be made."""
-        return [c.id for c in self.captures if c.state == "queued" and not c.removed]
+    def unfinished(self, generator: str) -> list[str]:
+        """Return the ids of captures whose MPI, or the better one, is still to be made."""
+        return [
+            c.id
+            for c in self.captures
+            if not c.removed
+            and (c.state == "queued" or (c.generator == FAST and c.generator != generator))
+        ]
 
     def frame_of(self, capture_id: str) -> Frame:
         """Read a capture back as it was photographed.
@@ -155,9 +164,10 @@ class OpenSession:
         capture = self.capture(capture_id)
         return self._path(capture, photo_name(capture.number))
 
-    def mpi_path(self, capture_id: str) -> Path:
-        """Return where the MPI lies, or will."""
-        return self.folder / "mpi" / f"{self.capture(capture_id).number:06d}.mpi"
+    def mpi_path(self, capture_id: str, version: int = 1) -> Path:
+        """Return where a version of the MPI lies, or will."""
+        suffix = "mpi" if version == 1 else f"{version}.mpi"
+        return self.folder / "mpi" / f"{self.capture(capture_id).number:06d}.{suffix}"
 
     def dataset_files(self) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone."""
@@ -232,15 +242,31 @@ class OpenSession:
                 self._move_aside(self._captures[capture_id])
             return self._captures[capture_id]
 
-    def mark_ready(self, capture_id: str, mpi: bytes) -> wire.Capture:
-        """Keep the MPI of a capture.
+    def mark_ready(
+        self, capture_id: str, mpi: bytes, *, generator: str, guessed: bool = False
+    ) -> wire.Capture:
+        """Keep an MPI of a capture; it is the newest from now on.
 
         Raises:
             DiskFull: There is no room for it.
         """
-        with room_explained():
-            write_atomically(self.mpi_path(capture_id), mpi)
-        return self._change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
+        with self._lock, room_explained():
+            version = self.capture(capture_id).mpi_version + 1
+            write_atomically(self.mpi_path(capture_id, version), mpi)
+            made = session_log.MpiMade(
+                at_s=self._clock(),
+                id=capture_id,
+                version=version,
+                generator=generator,
+                guessed=guessed,
+            )
+            self._log.append(made)
+            self._replay(made)
+            return self._change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
+
+    def mark_not_better(self, capture_id: str, problem: str) -> wire.Capture:
+        """Remember why no better MPI was made; the one that is there stays."""
+        return self._change(capture_id, problem=problem)
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why there is no MPI of a capture; it is tried again after a restart."""
@@ -308,6 +334,13 @@ class OpenSession:
                     self._with_depth.add(event.id)
             case session_log.CaptureRemoved():
                 self._change(event.id, removed=True)
+            case session_log.MpiMade():
+                self._change(
+                    event.id,
+                    mpi_version=event.version,
+                    generator=event.generator,
+                    guessed=event.guessed,
+                )
             case session_log.SessionNamed():
                 self.name = event.name
             case session_log.SessionFinished():
@@ -332,13 +365,26 @@ class OpenSession:
         for capture in self.captures:
             if capture.removed:
                 self._move_aside(capture)
-            mpi = self.mpi_path(capture.id)
-            if mpi.is_file():
-                self._change(capture.id, state="ready", mpi_bytes=mpi.stat().st_size)
+            self._find_mpi(capture)
         self._drop_torn_sample()
         samples = self.peaked()
         self.peaked_share = samples[-1].peaked_share if samples else None
         self.refresh_dataset()
+
+    def _find_mpi(self, capture: wire.Capture) -> None:
+        """Take the newest MPI that is on the disk; when it is gone, it is made again.
+
+        Its version stays what it was, so that an address never means something else.
+        """
+        mpi = self.mpi_path(capture.id, max(capture.mpi_version, 1))
+        if mpi.is_file():
+            self._change(
+                capture.id,
+                state="ready",
+                mpi_bytes=mpi.stat().st_size,
+                mpi_version=max(capture.mpi_version, 1),
+                generator=capture.generator or FAST,
+            )
 
     def _drop_torn_sample(self) -> None:
         with contextlib.suppress(FileNotFoundError):

@@ -91,8 +91,14 @@ class Capture(Struct, frozen=True):
     state: MpiState
     """Whether its MPI can be fetched."""
     mpi_bytes: int | None = None
+    mpi_version: int = 0
+    """Of the newest MPI: 1, 2 …; each has an address of its own, and never changes. 0: none yet."""
+    generator: str | None = None
+    """Who made the newest MPI: `layered` at once, then perhaps a learned one."""
+    guessed: bool = False
+    """Its depths are estimated and their scale is not known yet; a view nearby will tell."""
     problem: str | None = None
-    """When `failed`: why, and what to do about it."""
+    """When `failed`: why, and what to do about it. When `ready`: why no better MPI was made."""
     removed: bool = False
     """Taken back by an undo; kept on the server's disk, but in no data set."""
 
@@ -169,6 +175,10 @@ class Options(Struct, frozen=True):
     error_threshold: float
     shift_px: int
     compensate_exposure: bool
+    generator: str
+    """Who makes the MPIs in the end; `layered` ones are there at once."""
+    depth_model: str | None = None
+    """Estimates the depth of photos without; when null, these get no MPI."""
 
 
 class ServerInfo(Struct, frozen=True):

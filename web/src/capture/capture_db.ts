@@ -51,6 +51,7 @@ export interface StoredSession {
 interface StoredMpi {
   readonly id: string;
   readonly sessionId: string;
+  readonly version?: number;
   readonly bytes: ArrayBuffer;
 }
 
@@ -245,13 +246,20 @@ export class CaptureDb {
     await this.disk?.delete('sessions', sessionId);
   }
 
-  async mpi(id: string): Promise<ArrayBuffer | null> {
-    return (await this.#read((disk) => disk.get('mpis', id)))?.bytes ?? null;
+  async mpi(id: string, version: number): Promise<ArrayBuffer | null> {
+    const kept = await this.#read((disk) => disk.get('mpis', id));
+    // Those kept before there were versions are first ones.
+    return kept != null && (kept.version ?? 1) === version ? kept.bytes : null;
   }
 
-  /** A cache only: when there is no room, the MPI is fetched again next time. */
-  async keepMpi(sessionId: string, id: string, bytes: ArrayBuffer): Promise<void> {
-    await this.disk?.put('mpis', { id, sessionId, bytes }).catch(() => undefined);
+  /**
+   * A cache only: when there is no room, the MPI is fetched again next time. The newest version takes
+   * the place of older ones.
+   */
+  async keepMpi(
+    sessionId: string, id: string, version: number, bytes: ArrayBuffer,
+  ): Promise<void> {
+    await this.disk?.put('mpis', { id, sessionId, version, bytes }).catch(() => undefined);
   }
 
   async forgetMpi(id: string): Promise<void> {

@@ -198,13 +198,13 @@ export class CaptureSession implements Disposable {
   }
 
   /** The `.mpi` bytes, from this device if they were fetched before. @throws ApiError */
-  async mpiBytes(id: string, signal?: AbortSignal): Promise<ArrayBuffer> {
+  async mpiBytes(id: string, version: number, signal?: AbortSignal): Promise<ArrayBuffer> {
     const { api, db } = this.options;
-    const kept = await db.mpi(id);
+    const kept = await db.mpi(id, version);
     if (kept !== null) return kept;
-    const bytes = await api.mpi(this.id, id, signal);
+    const bytes = await api.mpi(this.id, id, version, signal);
     const wanted = this.views.some((view) => view.id === id);
-    if (wanted) await db.keepMpi(this.id, id, bytes);
+    if (wanted) await db.keepMpi(this.id, id, version, bytes);
     return bytes;
   }
 

@@ -19,8 +19,14 @@ export interface CapturedView {
   readonly number: number | null;
   readonly state: ViewState;
   readonly thumbnailUrl: string;
-  /** When `failed`: a sentence. */
+  /** When `failed`: a sentence. When `ready`: why no better MPI was made. */
   readonly problem: string | null;
+  /** Of the newest MPI; 0 while there is none. */
+  readonly mpiVersion: number;
+  /** Who made the newest MPI. */
+  readonly generator: string | null;
+  /** Its scale is a guess until a view nearby tells it. */
+  readonly guessed: boolean;
   readonly camera: Camera;
   /** Seconds since 1970. */
   readonly time_s: number;
@@ -96,6 +102,9 @@ export function viewsOf(
       state: remote?.state ?? localState(local, state.uploadingId),
       thumbnailUrl: thumbnailUrlOf(id),
       problem: (remote ?? local)?.problem ?? null,
+      mpiVersion: remote?.mpi_version ?? 0,
+      generator: remote?.generator ?? null,
+      guessed: remote?.guessed ?? false,
       camera,
       time_s,
       onServer: remote !== undefined || local?.state === 'stored',

@@ -36,7 +36,9 @@ export interface GpuMpi {
 interface Entry {
   readonly id: string;
   readonly camera: Camera;
-  readonly load: () => Promise<ArrayBuffer>;
+  load: () => Promise<ArrayBuffer>;
+  /** What is on the card is of an older version; it is shown until the newer one is there. */
+  stale: boolean;
   gpu: (GpuMpi & { readonly buffer: WebGLBuffer }) | null;
   loading: boolean;
   lastWanted: number;
@@ -73,10 +75,21 @@ export class MpiStore implements Disposable {
   add(id: string, camera: Camera, load: () => Promise<ArrayBuffer>): void {
     if (this.#entries.has(id)) return;
     this.#entries.set(id, {
-      id, camera, load, gpu: null, loading: false, lastWanted: 0, notBefore_ms: 0,
+      id, camera, load, stale: false, gpu: null, loading: false, lastWanted: 0, notBefore_ms: 0,
       pause_ms: FIRST_PAUSE_MS,
     });
     this.#list();
+    this.want(id);
+  }
+
+  /** A better MPI of a view is there: the old one stays in the picture until the new one is here. */
+  replace(id: string, load: () => Promise<ArrayBuffer>): void {
+    const entry = this.#entries.get(id);
+    if (entry === undefined) return;
+    entry.load = load;
+    entry.stale = entry.gpu !== null || entry.loading;
+    entry.notBefore_ms = 0;
+    entry.pause_ms = FIRST_PAUSE_MS;
     this.want(id);
   }
 
@@ -108,7 +121,7 @@ export class MpiStore implements Disposable {
     if (entry === undefined) return null;
     this.#clock += 1;
     entry.lastWanted = this.#clock;
-    if (entry.gpu === null) this.#fetchNext();
+    if (entry.gpu === null || entry.stale) this.#fetchNext();
     return entry.gpu;
   }
 
@@ -154,7 +167,8 @@ export class MpiStore implements Disposable {
       const oldest = this.#clock - this.#options.maxResident;
       let next: Entry | null = null;
       for (const entry of this.#entries.values()) {
-        if (entry.gpu !== null || entry.loading || entry.notBefore_ms > now_ms) continue;
+        if ((entry.gpu !== null && !entry.stale) || entry.loading) continue;
+        if (entry.notBefore_ms > now_ms) continue;
         if (entry.lastWanted <= oldest || entry.lastWanted <= (next?.lastWanted ?? 0)) continue;
         next = entry;
       }
@@ -165,16 +179,21 @@ export class MpiStore implements Disposable {
 
   async #fetch(entry: Entry): Promise<void> {
     entry.loading = true;
+    entry.stale = false;
     this.#numLoading += 1;
+    const { load } = entry;
     try {
-      const decoded = await this.#options.decoder.decode(await entry.load());
-      // It may have been undone while it was on its way.
-      if (this.#entries.get(entry.id) !== entry) return;
-      this.#makeRoom();
-      entry.gpu = this.#upload(decoded);
+      const decoded = await this.#options.decoder.decode(await load());
+      // It may have been undone, or replaced by a better one, while it was on its way.
+      if (this.#entries.get(entry.id) !== entry || (entry.load !== load && entry.gpu !== null)) return;
+      const better = this.#upload(decoded);
+      if (entry.gpu !== null) this.#free(entry);
+      else this.#makeRoom();
+      entry.gpu = better;
       entry.pause_ms = FIRST_PAUSE_MS;
       for (const listener of this.#listeners) listener(entry.id);
     } catch (error) {
+      entry.stale = entry.gpu !== null;
       entry.notBefore_ms = performance.now() + entry.pause_ms;
       entry.pause_ms = Math.min(2 * entry.pause_ms, LONGEST_PAUSE_MS);
       if (this.#entries.get(entry.id) === entry) this.#options.onProblem?.(entry.id, error);

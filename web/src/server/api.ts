@@ -131,9 +131,11 @@ export class Api {
     return this.#capture('DELETE', sessionId, captureId, {});
   }
 
-  /** @throws ApiError 404 when it is not made yet. */
-  mpi(sessionId: string, captureId: string, signal?: AbortSignal): Promise<ArrayBuffer> {
-    return this.#bytes(`${capturePath(sessionId, captureId)}/mpi`, signal);
+  /** Versions count from 1, and none ever changes. @throws ApiError 404 when it is not made yet. */
+  mpi(
+    sessionId: string, captureId: string, version: number, signal?: AbortSignal,
+  ): Promise<ArrayBuffer> {
+    return this.#bytes(`${capturePath(sessionId, captureId)}/mpi/${version}`, signal);
   }
 
   postPeaked(sessionId: string, samples: readonly PeakedSample[]): Promise<unknown> {

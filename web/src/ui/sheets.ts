@@ -39,6 +39,16 @@ export function viewsSheet(
   return { element: sheet('Views', close, list), update };
 }
 
+/** What is to be known of a view: its trouble, or its state and who made what is shown of it. */
+export function viewNote(view: Pick<CapturedView, 'state' | 'problem' | 'generator' | 'guessed'>): string {
+  if (view.problem !== null && view.state !== 'ready') return view.problem;
+  const notes = [STATES[view.state]];
+  if (view.generator !== null) notes.push(`made by ${view.generator}`);
+  if (view.guessed) notes.push('distance guessed: take a view beside it');
+  if (view.problem !== null) notes.push(view.problem);
+  return notes.join(' · ');
+}
+
 function viewItem(
   view: CapturedView, index: number, isLast: boolean, actions: HudActions,
 ): HTMLElement {
@@ -50,7 +60,7 @@ function viewItem(
   return make('li', {},
     make('img', { src: view.thumbnailUrl, alt: '' }),
     make('div', {}, `View ${index + 1}`,
-      make('small', {}, view.problem ?? STATES[view.state])),
+      make('small', {}, viewNote(view))),
     ...(view.state === 'failed' && !view.onServer
       ? [button('pill', 'Try again', `Send view ${index + 1} again`, () => actions.retry(view.id))]
       : []),

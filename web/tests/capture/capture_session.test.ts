@@ -277,14 +277,28 @@ describe('undo', () => {
     await clock.until(allQueued(session, 1));
     server.ready(id);
     await clock.until(() => states(session)[0] === 'ready');
-    expect(new Uint8Array(await session.mpiBytes(id))).toEqual(Uint8Array.of(1, 2, 3));
+    expect(new Uint8Array(await session.mpiBytes(id, 1))).toEqual(Uint8Array.of(1, 2, 3));
     const fetched = server.log.length;
-    await session.mpiBytes(id);
+    await session.mpiBytes(id, 1);
     expect(server.log.length).toBe(fetched);
     await session.undo(id);
     await clock.until(() => server.alive().length === 0);
     const db = await CaptureDb.open(browser.name);
-    expect(await db.mpi(id)).toBeNull();
+    expect(await db.mpi(id, 1)).toBeNull();
+    db.close();
+  });
+
+  test('a better MPI takes the place of the first on this device too', async () => {
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    server.ready(id);
+    await clock.until(() => states(session)[0] === 'ready');
+    await session.mpiBytes(id, 1);
+    await session.mpiBytes(id, 2);
+    const db = await CaptureDb.open(browser.name);
+    expect(await db.mpi(id, 1)).toBeNull();
+    expect(await db.mpi(id, 2)).not.toBeNull();
     db.close();
   });
 
