@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from adampi_checkpoints import write_checkpoint
 from jaxtyping import Float32, UInt8
 
+from adampi_checkpoints import write_checkpoint
 from peaking.cli import main
 from peaking.errors import BackendUnavailable, PeakingError, WeightsError
 from peaking.generate import Generator

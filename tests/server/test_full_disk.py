@@ -187,4 +187,4 @@ def check_that_it_opens(disk: FullDisk, server: LiveServer, numbers: list[int]) 
     for number in numbers:
         assert session.photo_path(capture_id(number)).read_bytes() == photo(number)
         assert session.frame_of(capture_id(number)).depth_m is not None
-    assert session.unfinished() == []
+    assert session.unfinished("layered") == []
