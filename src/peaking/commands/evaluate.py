@@ -102,12 +102,10 @@ class Evaluate:
         )
 
     def _executor(self) -> Executor:
-        from peaking.evaluate.executors import InProcess, ProcessPool, RayTasks
+        from peaking.evaluate.executors import ProcessPool, RayTasks
 
         if self.ray is not None:
             return RayTasks(None if self.ray == "local" else self.ray)
-        if self.backend == "gsplat" and "3dgs" in self.reconstruct:
-            return InProcess()  # one graphics card
         return ProcessPool(self.workers)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from peaking.datasets.nerfstudio import Recording
 from peaking.frame import Frame
+from peaking.generate.by_name import generator_named
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.pipeline import LocalLightField
@@ -37,7 +38,10 @@ class Scene:
         """Look at a recording with the method's options."""
         self.recording = recording
         self.options = options
-        self._prepare = LocalLightField(options)
+        self._generator = generator_named(
+            options.generator, num_planes=options.num_planes, learned=options.learned
+        )
+        self._prepare = LocalLightField(options, generator=self._generator)
         self.frame = lru_cache(maxsize=MOST_FRAMES)(self._frame)
         self.mpi = lru_cache(maxsize=most_mpis)(self._mpi)
 
@@ -71,7 +75,7 @@ class Scene:
 
     def light_field(self, views: Sequence[int]) -> LocalLightField:
         """Return the local light field of some views."""
-        field = LocalLightField(self.options)
+        field = LocalLightField(self.options, generator=self._generator)
         field.views = [self.mpi(i) for i in views]
         return field
 

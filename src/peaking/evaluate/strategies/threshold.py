@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from peaking.evaluate.scene import Scene
-from peaking.pipeline import LocalLightField
 
 TRIES = 12
 """Walks, at most, to find the threshold that gives a number of views."""
@@ -57,7 +56,7 @@ def walk(scene: Scene, candidates: Sequence[int], threshold_share: float, *, mos
 
     Stops when `most` views are taken.
     """
-    field = LocalLightField(scene.options)
+    field = scene.light_field([])
     views: list[int] = []
     shares: list[float] = []
     for i in candidates:
