@@ -31,6 +31,7 @@ ORDER = [
     "pipeline",
     "output",
     "page",
+    "event_log",
     "mpi_file",
     "datasets",
     "guidance",

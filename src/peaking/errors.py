@@ -1,7 +1,9 @@
 """What can go wrong in the world outside, as one small tree.
 
 PeakingError
+│   (both of these are a FileError: file, field, problem, remedy)
 ├── RecordingError      a recording (folder) or one of its files cannot be used
+├── StudyError          a study's protocol, questionnaire or log cannot be used
 ├── MpiFileError        bytes that are not a sound .mpi file
 ├── NothingToAlign      no pixel has both a metric depth and a rendered disparity
 ├── WeightsError        a file of learned weights is missing, damaged or of another network
@@ -20,8 +22,8 @@ class PeakingError(Exception):
     """Something outside the program is not as it has to be; the message says what to do."""
 
 
-class RecordingError(PeakingError):
-    """A recording cannot be used: names the file, the field in it, and the remedy."""
+class FileError(PeakingError):
+    """A file is not as it has to be: names the file, the field in it, and the remedy."""
 
     def __init__(self, path: Path, problem: str, *, field: str | None = None, remedy: str) -> None:
         """Make the message `path: field: problem; remedy`."""
@@ -30,6 +32,14 @@ class RecordingError(PeakingError):
         self.remedy = remedy
         where = f"{path}: {field}" if field else f"{path}"
         super().__init__(f"{where}: {problem}; {remedy}")
+
+
+class RecordingError(FileError):
+    """A recording cannot be used."""
+
+
+class StudyError(FileError):
+    """A study's protocol, questionnaire or log cannot be used."""
 
 
 class MpiFileError(PeakingError):

@@ -55,35 +55,6 @@ def write_durably(path: Path, data: bytes) -> None:
     flush_names(path.parent)
 
 
-def append(path: Path, data: bytes, *, durably: bool) -> None:
-    """Append to a file, which is made when it is not there.
-
-    Args:
-        path: The file.
-        data: Bytes.
-        durably: Return only when they are on the disk.
-
-    Raises:
-        OSError: They could not be written; the file is as it was before.
-    """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-    try:
-        size = os.fstat(descriptor).st_size
-        try:
-            rest = memoryview(data)
-            while rest:
-                rest = rest[os.write(descriptor, rest) :]
-            if durably:
-                os.fsync(descriptor)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.ftruncate(descriptor, size)
-                os.fsync(descriptor)
-            raise
-    finally:
-        os.close(descriptor)
-
-
 def flush_names(folder: Path) -> None:
     """Wait until the names in a folder are on the disk."""
     descriptor = os.open(folder, os.O_RDONLY)

@@ -5,15 +5,14 @@ What stands in it has happened; everything else in a session's folder follows fr
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
 from peaking.errors import RecordingError
+from peaking.event_log import DamagedLine, EventLog
 from peaking.server import wire
-from peaking.server.durable import append
 
 FILE_NAME = "log.jsonl"
 VERSION = 1
@@ -78,6 +77,7 @@ class SessionLog:
     def __init__(self, path: Path) -> None:
         """Take the log at `path`, which may not exist yet."""
         self.path = path
+        self._log: EventLog[AnyEvent] = EventLog(path, AnyEvent)
 
     def append(self, event: AnyEvent) -> None:
         """Write one event.
@@ -85,7 +85,7 @@ class SessionLog:
         Raises:
             OSError: It could not be written; the log is as it was before.
         """
-        append(self.path, msgspec.json.encode(event) + b"\n", durably=True)
+        self._log.append(event)
 
     def read(self) -> Iterator[AnyEvent]:
         """Yield all events, and cut off a last line that a crash left unfinished.
@@ -93,17 +93,13 @@ class SessionLog:
         Raises:
             RecordingError: A line in the middle is damaged, or of a newer version.
         """
-        data = self.path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            os.truncate(self.path, whole)
-        for number, line in enumerate(data[:whole].splitlines(), start=1):
-            try:
-                yield msgspec.json.decode(line, type=AnyEvent)
-            except msgspec.DecodeError as error:
-                raise RecordingError(
-                    self.path,
-                    f"line {number} cannot be read ({error})",
-                    remedy="it is damaged or of a newer version of peaking; the photos beside it "
-                    "are untouched",
-                ) from error
+        self._log.mend()
+        try:
+            yield from self._log.read()
+        except DamagedLine as error:
+            raise RecordingError(
+                self.path,
+                str(error),
+                remedy="it is damaged or of a newer version of peaking; the photos beside it "
+                "are untouched",
+            ) from error

@@ -20,18 +20,13 @@ import msgspec
 
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import OutputError, PeakingError, RecordingError
+from peaking.event_log import append
 from peaking.frame import Frame
 from peaking.generate.by_name import GeneratorName
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
-from peaking.server.durable import (
-    DiskFull,
-    append,
-    flush_names,
-    room_explained,
-    write_durably,
-)
+from peaking.server.durable import DiskFull, flush_names, room_explained, write_durably
 from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
 

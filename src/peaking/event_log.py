@@ -1,0 +1,100 @@
+"""A log that only grows: one JSON line per event, on the disk when told so.
+
+What stands in it has happened; everything else follows from it. Sessions of the server and
+participants of a study are such logs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+E = TypeVar("E", bound=msgspec.Struct)
+
+
+def append(path: Path, data: bytes, *, durably: bool) -> None:
+    """Append to a file, which is made when it is not there.
+
+    Args:
+        path: The file.
+        data: Bytes.
+        durably: Return only when they are on the disk.
+
+    Raises:
+        OSError: They could not be written; the file is as it was before.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    try:
+        size = os.fstat(descriptor).st_size
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[os.write(descriptor, rest) :]
+            if durably:
+                os.fsync(descriptor)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.ftruncate(descriptor, size)
+                os.fsync(descriptor)
+            raise
+    finally:
+        os.close(descriptor)
+
+
+class DamagedLine(Exception):
+    """A line in the middle of a log cannot be read."""
+
+    def __init__(self, number: int, problem: str) -> None:
+        """Remember which line (from 1) and why."""
+        super().__init__(f"line {number} cannot be read ({problem})")
+        self.number = number
+
+
+class EventLog(Generic[E]):
+    """Appends events to a file; every event is on the disk when `append` returns."""
+
+    def __init__(self, path: Path, kind: Any) -> None:
+        """Take the log at `path`, which may not exist yet; `kind` is the union of its events."""
+        self.path = path
+        self._decoder = msgspec.json.Decoder(kind)
+
+    def append(self, *events: E) -> None:
+        """Write events in one go; a power cut in the middle may keep the first of them.
+
+        Raises:
+            OSError: They could not be written; the log is as it was before.
+        """
+        lines = b"".join(msgspec.json.encode(event) + b"\n" for event in events)
+        append(self.path, lines, durably=True)
+
+    def read(self) -> list[E]:
+        """Return all events; a last line that a crash left unfinished is not one.
+
+        Raises:
+            DamagedLine: A line in the middle is damaged, or of a newer version.
+        """
+        data = self.path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        return [self._decode(n, line) for n, line in enumerate(_lines(data[:whole]), start=1)]
+
+    def mend(self) -> None:
+        """Cut off a last line that a crash left unfinished; to be called before appending."""
+        data = self.path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            os.truncate(self.path, whole)
+
+    def _decode(self, number: int, line: bytes) -> E:
+        try:
+            return self._decoder.decode(line)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise DamagedLine(number, str(error)) from error
+
+
+def _lines(data: bytes) -> Sequence[bytes]:
+    return data.split(b"\n")[:-1]
