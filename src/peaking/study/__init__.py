@@ -1,0 +1,1 @@
+"""User studies: protocol, records, questionnaires, statistics. Knows nothing of rendering."""
