@@ -1,0 +1,96 @@
+"""Two conditions done by different people: Welch's t-test and the Mann–Whitney test.
+
+Differences are the first group minus the second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+from scipy import special, stats
+
+from peaking.study.statistics import rank_sums
+from peaking.study.statistics.intervals import TAIL
+from peaking.study.statistics.outcome import (
+    FEWEST,
+    NORMAL_QUANTILE,
+    Effect,
+    Outcome,
+    Result,
+    Untestable,
+)
+from peaking.study.statistics.samples import check_finite, rounded
+
+
+def welch_t(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> Outcome:
+    """Test whether two groups have the same mean, without asking for equal variances.
+
+    Effects: Cohen's d_av and the mean difference.
+    """
+    name = "Welch's t-test"
+    first, second = _together(first, second)
+    if (reason := _untestable(first, second)) is not None:
+        return Untestable(name, reason)
+    if np.ptp(first) == 0 and np.ptp(second) == 0:
+        return Untestable(name, "nobody differs from others of the group: there is no spread")
+    e1, e2 = first.var(ddof=1) / len(first), second.var(ddof=1) / len(second)
+    error = float(np.sqrt(e1 + e2))
+    difference = float(first.mean() - second.mean())
+    df = float((e1 + e2) ** 2 / (e1**2 / (len(first) - 1) + e2**2 / (len(second) - 1)))
+    t = difference / error
+    half = float(stats.t.ppf(1 - TAIL, df)) * error
+    mean = Effect(
+        "mean difference", "M_diff", difference, difference - half, difference + half, "Welch's t"
+    )
+    effects = (_cohens_d_av(first, second), mean)
+    p = 2 * float(special.stdtr(df, -abs(t)))
+    return Result(name, "t", t, (df,), p, len(first) + len(second), effects)
+
+
+def mann_whitney(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> Outcome:
+    """Test whether a number of the first group tends to be larger. Effect: rank-biserial."""
+    name = "Mann–Whitney test"
+    first, second = _together(first, second)
+    if (reason := _untestable(first, second)) is not None:
+        return Untestable(name, reason)
+    both = np.concatenate((first, second))
+    if np.ptp(both) == 0:
+        return Untestable(name, "everybody in both groups has the same number")
+    u = rank_sums.rank_sum(first, second)
+    p, how = rank_sums.two_sided_p(first, second)
+    r = 2 * u / (len(first) * len(second)) - 1
+    low, high = rank_sums.rank_biserial_limits(r, len(first), len(second))
+    effect = Effect(
+        "rank-biserial correlation", "r_rb", r, low, high, "score interval, normal shift"
+    )
+    remarks = [f"p-value: {how}"]
+    if len(np.unique(both)) < len(both):
+        remarks.append("tied numbers have their mean rank")
+    return Result(name, "U", u, (), p, len(both), (effect,), tuple(remarks))
+
+
+def _cohens_d_av(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> Effect:
+    """Return the mean difference over the root of the mean variance, with Bonett's interval."""
+    v1, v2 = float(first.var(ddof=1)), float(second.var(ddof=1))
+    df1, df2 = len(first) - 1, len(second) - 1
+    s2 = (v1 + v2) / 2
+    d = float((first.mean() - second.mean()) / np.sqrt(s2))
+    variance = d**2 * (v1**2 / df1 + v2**2 / df2) / (8 * s2**2) + (v1 / df1 + v2 / df2) / s2
+    half = NORMAL_QUANTILE * float(np.sqrt(variance))
+    return Effect("Cohen's d_av", "d_av", d, d - half, d + half, "Bonett 2008, unequal variances")
+
+
+def _together(
+    first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]
+) -> tuple[Float64[np.ndarray, "n1"], Float64[np.ndarray, "n2"]]:
+    """Round both alike, so that equal numbers are ties."""
+    both = np.concatenate((first, second))
+    check_finite(both)
+    scale = float(np.abs(both).max(initial=0.0))
+    return rounded(first, scale=scale), rounded(second, scale=scale)
+
+
+def _untestable(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> str | None:
+    if min(len(first), len(second)) < FEWEST:
+        return f"needs {FEWEST} participants in each group, there are {len(first)}, {len(second)}"
+    return None

@@ -1,0 +1,26 @@
+"""Holm's correction of the p-values of a family."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values that may be held against alpha as they are, in the order given.
+
+    The chance of one or more false positives in the family stays at most alpha (Holm, *A simple
+    sequentially rejective multiple test procedure*, 1979).
+
+    Raises:
+        ValueError: A p-value is not in 0…1.
+    """
+    for p in p_values:
+        if not 0 <= p <= 1:
+            raise ValueError(f"need p-values in 0…1, got {p}")
+    order = sorted(range(len(p_values)), key=lambda index: p_values[index])
+    corrected = [0.0] * len(p_values)
+    highest = 0.0
+    for rank, index in enumerate(order):
+        highest = max(highest, min(1.0, (len(p_values) - rank) * p_values[index]))
+        corrected[index] = highest
+    return corrected
