@@ -107,8 +107,8 @@ def _results(analysis: Analysis) -> str:
         rows += [_row(m, protocol) for m in rest]
     return (
         '<section><h2>Results</h2><p class="note">Mean ± standard deviation where a t-test or an '
-        "ANOVA was made, else median with quartiles. Shaded: below α, after the correction where "
-        "there is one. Differences and signs of effects: an earlier column minus a later one.</p>"
+        "ANOVA was made, else median with quartiles. Shaded: declared, and below α after the "
+        "correction. Differences and signs of effects: an earlier column minus a later one.</p>"
         f'<div class="wide"><table><thead><tr><th scope="col">Measure</th>{heads}'
         '<th scope="col">Test</th><th scope="col">p</th><th scope="col">p, Holm</th>'
         f'<th scope="col">Effect, 95% CI</th></tr></thead><tbody>{"".join(rows)}</tbody></table>'
@@ -123,26 +123,37 @@ def _group(name: str, columns: int) -> str:
 
 
 def _row(analysis: MeasureAnalysis, protocol: Protocol) -> str:
-    measure, outcome = analysis.measure, analysis.decision.outcome
-    unit = f", {html.escape(measure.unit)}" if measure.unit else ""
-    head = f"{html.escape(measure.label)}{unit}<small>{measure.name}</small>"
+    outcome = analysis.decision.outcome
     cells = [f'<td class="n">{_described(d, analysis)}</td>' for d in analysis.described]
     if isinstance(outcome, Untestable):
         cells.append(f'<td colspan="4">No test: {html.escape(outcome.reason)}</td>')
-        return f'<tr><th scope="row">{head}</th>{"".join(cells)}</tr>'
-    effect = outcome.effects[0]
-    name, _, rest = words.effect(effect).partition(", ")
-    corrected = "–" if analysis.p_corrected is None else words.p_value(analysis.p_corrected)
-    mark = words.stars(analysis.p_decisive)
+        return f'<tr><th scope="row">{_name(analysis)}</th>{"".join(cells)}</tr>'
+    size, _, limits = words.effect(outcome.effects[0]).partition(", ")
+    mark = f' <b class="mark">{words.stars(analysis.p_decisive)}</b>'
+    plain = html.escape(words.p_value(outcome.p))
+    corrected = "–"
+    if analysis.p_corrected is None:
+        plain += mark
+    else:
+        corrected = html.escape(words.p_value(analysis.p_corrected)) + mark
     cells += [
-        f"<td>{html.escape(outcome.test)}<small>{html.escape(words.statistic(outcome))}, "
-        f"n = {outcome.n}</small></td>",
-        f'<td class="n">{html.escape(words.p_value(outcome.p))}</td>',
-        f'<td class="n">{html.escape(corrected)} <b class="mark">{mark}</b></td>',
-        f'<td class="n">{_symbols(name)}<small>{html.escape(rest)}</small></td>',
+        f'<td class="n">{html.escape(outcome.test.removesuffix(" test"))}'
+        f"<small>{html.escape(words.statistic(outcome))}, n = {outcome.n}</small></td>",
+        f'<td class="n">{plain}</td>',
+        f'<td class="n">{corrected}</td>',
+        f'<td class="n">{_symbols(size)}<small>{html.escape(limits)}</small></td>',
     ]
-    found = (analysis.p_decisive or 0.0) < protocol.alpha
-    return f'<tr{" class=found" if found else ""}><th scope="row">{head}</th>{"".join(cells)}</tr>'
+    found = analysis.p_corrected is not None and analysis.p_corrected < protocol.alpha
+    row = '<tr class="found">' if found else "<tr>"
+    return f'{row}<th scope="row">{_name(analysis)}</th>{"".join(cells)}</tr>'
+
+
+def _name(analysis: MeasureAnalysis) -> str:
+    """Return the short name with, small, what was asked, or the name in the tables."""
+    measure = analysis.measure
+    unit = f", {measure.unit}" if measure.unit in ("s", "%") else ""
+    below = measure.label if measure.kind == "item" else measure.name
+    return f"{html.escape(words.short_name(measure) + unit)}<small>{html.escape(below)}</small>"
 
 
 def _described(described: Description, analysis: MeasureAnalysis) -> str:
@@ -193,10 +204,11 @@ def _texts(analysis: Analysis) -> str:
     parts = [f'<h3>Method</h3><p class="paste">{html.escape(method(analysis))}</p>']
     for heading, measures in (("Declared hypotheses", declared), ("Explored", explored)):
         if measures:
-            sentences = (
+            sentences = "".join(
                 f'<p class="paste">{html.escape(words.sentence(m, protocol))}</p>' for m in measures
             )
-            parts.append(f"<h3>{heading}</h3>{''.join(sentences)}")
+            shown = " open" if heading == "Declared hypotheses" else ""
+            parts.append(f"<details{shown}><summary>{heading}</summary>{sentences}</details>")
     return (
         '<section><h2>Text to paste</h2><p class="note">In APA style; a click selects a '
         f"paragraph.</p>{''.join(parts)}</section>\n"
@@ -229,7 +241,7 @@ def _path(analysis: MeasureAnalysis) -> str:
     rows = "".join(f"<dt>{html.escape(a)}</dt><dd>{_symbols(b)}</dd>" for a, b in more)
     chosen = decision.outcome.test if analysis.result is not None else "no test"
     return (
-        f"<details><summary><b>{html.escape(analysis.measure.label)}</b> "
+        f"<details><summary><b>{html.escape(words.short_name(analysis.measure))}</b> "
         f"<span>{analysis.measure.name} · {html.escape(chosen)}</span></summary>"
         f'<ol class="path">{steps}</ol><dl class="more">{rows}</dl></details>'
     )
@@ -246,7 +258,7 @@ def _order(analysis: Analysis) -> str:
     if not with_order:
         return ""
     rows = "".join(
-        f'<tr><th scope="row">{html.escape(m.measure.label)}<small>{m.measure.name}</small></th>'
+        f'<tr><th scope="row">{_name(m)}</th>'
         f"<td>{_short(m.order.period)}</td><td>{_short(m.order.carry_over)}</td></tr>"
         for m in with_order
         if m.order is not None
