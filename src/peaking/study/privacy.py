@@ -1,0 +1,165 @@
+"""What a participant may ask for: all that is kept of them, and that none of it is kept."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import os
+import shutil
+import time
+import zipfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+from peaking.errors import StudyError
+from peaking.output import write_atomically
+from peaking.study.measures import measures_of
+from peaking.study.protocol import load_protocol
+from peaking.study.records import (
+    ParticipantRecord,
+    log_of,
+    participant_folder,
+    pseudonyms,
+    read_events,
+    record_of,
+)
+
+ERASED = "erased.jsonl"
+SERVING = ".serving"
+EXPLANATION = """All that this study keeps of {participant}.
+
+events.jsonl     every event, one JSON line each: times, answers, positions of the phone
+answers.csv      the answers to the questionnaires
+measures.csv     the numbers that follow from the events
+sessions/        what was captured: photos, depth, positions of the phone
+"""
+
+
+@contextmanager
+def held(study: Path) -> Generator[None, None, None]:
+    """Have a study's folder for oneself while the block runs.
+
+    Raises:
+        StudyError: The folder is not there, or another process has it.
+    """
+    try:
+        descriptor = os.open(study / SERVING, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise StudyError(
+            study, f"cannot be opened ({error.strerror})", remedy="give the folder of a study"
+        ) from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise StudyError(
+            study, "is being served by another process", remedy="stop that one first (Ctrl-C)"
+        ) from None
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def erased(study: Path) -> list[str]:
+    """Return the pseudonyms of those who were erased; they are never given again."""
+    path = study / ERASED
+    if not path.is_file():
+        return []
+    lines = path.read_bytes().split(b"\n")[:-1]
+    return [msgspec.json.decode(line)["participant"] for line in lines]
+
+
+def export_participant(study: Path, participant: str, out: Path) -> None:
+    """Write all that is kept of a participant into a zip.
+
+    Raises:
+        StudyError: There is no such participant, or the records are damaged.
+        OutputError: The zip cannot be written.
+    """
+    record = _record(study, participant)
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as files:
+        files.writestr("README.txt", EXPLANATION.format(participant=participant))
+        files.write(log_of(study, participant).path, "events.jsonl")
+        files.writestr("answers.csv", _answers_csv(record))
+        files.writestr("measures.csv", _measures_csv(record, study))
+        for folder in session_folders(study, record):
+            for path in sorted(folder.rglob("*")):
+                if path.is_file() and "mpi" not in path.relative_to(folder).parts:
+                    files.write(path, f"sessions/{folder.name}/{path.relative_to(folder)}")
+    write_atomically(out, archive.getvalue())
+
+
+def erase_participant(study: Path, participant: str) -> None:
+    """Delete all that is kept of a participant, photos too; only the pseudonym stays taken.
+
+    Raises:
+        StudyError: There is no such participant, or the study is being served.
+    """
+    with held(study):
+        record = _record(study, participant)
+        gone = msgspec.json.encode({"participant": participant, "at_s": time.time()}) + b"\n"
+        with (study / ERASED).open("ab") as file:
+            file.write(gone)
+            file.flush()
+            os.fsync(file.fileno())
+        for folder in [*session_folders(study, record), participant_folder(study, participant)]:
+            shutil.rmtree(folder)
+
+
+def session_folders(study: Path, record: ParticipantRecord) -> list[Path]:
+    """Return the folders of the capture sessions of a participant, those still there."""
+    wanted = set(record.sessions)
+    found: list[Path] = []
+    for log in sorted((study / "sessions").glob("*/log.jsonl")):
+        with log.open("rb") as file:
+            begun = msgspec.json.decode(file.readline())
+        if begun.get("session", {}).get("id") in wanted:
+            found.append(log.parent)
+    return found
+
+
+def _record(study: Path, participant: str) -> ParticipantRecord:
+    known = pseudonyms(study)
+    if participant not in known:
+        raise StudyError(
+            study,
+            f"there is no participant {participant!r}",
+            remedy=f"choose from: {', '.join(known) or 'nobody yet'}",
+        )
+    return record_of(read_events(log_of(study, participant)))
+
+
+def _answers_csv(record: ParticipantRecord) -> str:
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(["trial", "questionnaire", "item", "answer"])
+    places = [("", record.answers), *((t.trial.key, t.answers) for t in record.trials)]
+    for trial, forms in places:
+        for form, answers in forms.items():
+            for item, answer in answers.items():
+                rows.writerow([trial, form, item, _plain(answer)])
+    return text.getvalue()
+
+
+def _measures_csv(record: ParticipantRecord, study: Path) -> str:
+    protocol = load_protocol(study)
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(["trial", "condition", "scene", "measure", "value"])
+    for trial in record.trials:
+        for name, value in measures_of(trial, protocol).items():
+            own = trial.trial
+            rows.writerow([own.key, own.condition, own.scene, name, _plain(value)])
+    return text.getvalue()
+
+
+def _plain(value: object) -> str:
+    if value is None:
+        return ""
+    return "; ".join(str(v) for v in value) if isinstance(value, list) else str(value)
