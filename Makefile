@@ -31,8 +31,9 @@ $(CLIENT): $(INSTALLED) $(CLIENT_SOURCES) scripts/make_client
 
 client: $(CLIENT)  ## Build the web client
 
-wire: $(INSTALLED)  ## Write the TypeScript twin of server/wire.py
+wire: $(INSTALLED)  ## Write the TypeScript twins of server/wire.py and server/study/wire.py
 	@$(BIN)/python -m peaking.server.typescript > web/src/wire.ts
+	@$(BIN)/python -m peaking.server.typescript study > web/src/study/wire.ts
 
 demo: install  ## Start the server and open the virtual phone in the browser
 	@$(BIN)/peaking demo

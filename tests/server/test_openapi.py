@@ -13,13 +13,15 @@ from capture_uploads import SESSION_ID, capture_id, new_session, upload
 from peaking.server.app import ServerConfig, create_app
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.sessions import SessionStore
-from peaking.server.typescript import typescript
+from peaking.server.typescript import study_typescript, typescript
 
 WIRE_TS = Path(__file__).parents[2] / "web" / "src" / "wire.ts"
 
 
 def test_the_typescript_twin_is_fresh() -> None:
     assert WIRE_TS.read_text() == typescript(), "stale; run: make wire"
+    twin = WIRE_TS.parent / "study" / "wire.ts"
+    assert twin.read_text() == study_typescript(), "stale; run: make wire"
 
 
 @pytest.fixture(scope="module")

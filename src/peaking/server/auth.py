@@ -40,6 +40,7 @@ class Guard:
 
     app: ASGIApp
     token: str | None
+    cookie: str = COOKIE
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on, or answer with a refusal."""
@@ -80,8 +81,8 @@ class Guard:
             cookies = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
             cookies = SimpleCookie()
-        if COOKIE in cookies:
-            shown.append(cookies[COOKIE].value)
+        if self.cookie in cookies:
+            shown.append(cookies[self.cookie].value)
         return any(hmac.compare_digest(s.encode(), self.token.encode()) for s in shown)
 
 

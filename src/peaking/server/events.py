@@ -9,8 +9,6 @@ from collections.abc import AsyncGenerator, Callable
 
 import msgspec
 
-from peaking.server import wire
-
 PING_S = 10.0
 WAITING = 1000
 """Events that may wait for one listener; one that is slower is cut off and comes again."""
@@ -33,7 +31,7 @@ class Hub:
         """Return whether a phone that captures listens to this session."""
         return self._live[session_id] > 0
 
-    def send(self, topic: str, event: wire.SessionEvent | wire.ServerEvent) -> None:
+    def send(self, topic: str, event: msgspec.Struct) -> None:
         """Tell all who listen to a topic; from any thread, never waits."""
         loop = self._loop
         if loop is None or loop.is_closed():
@@ -52,7 +50,7 @@ class Hub:
     async def stream(
         self,
         topic: str,
-        state: Callable[[], wire.SessionEvent | wire.ServerEvent],
+        state: Callable[[], msgspec.Struct],
         *,
         live: bool = False,
         changed: Callable[[], None] = lambda: None,
@@ -98,5 +96,5 @@ class Hub:
                 queue.put_nowait(None)
 
 
-def _message(event: wire.SessionEvent | wire.ServerEvent) -> bytes:
+def _message(event: msgspec.Struct) -> bytes:
     return b"data: " + msgspec.json.encode(event) + b"\n\n"

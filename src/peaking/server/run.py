@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
+from starlette.types import ASGIApp
 
 from peaking.errors import OutputError
 from peaking.server.app import ServerConfig, create_app
@@ -61,13 +62,23 @@ def serve(
         started: Called when requests are answered.
         told: Hears of sessions that cannot be opened.
     """
-    # Two kernels on busy cores would keep each other from working, if their threads waited by
-    # spinning; it has to be said before the first parallel kernel runs.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     store = SessionStore(sessions)
     for problem in store.problems:
         told(problem)
-    app = create_app(store=store, config=config)
+    run(listener, create_app(store=store, config=config), context=context, started=started)
+
+
+def run(
+    listener: socket.socket,
+    app: ASGIApp,
+    *,
+    context: ssl.SSLContext | None = None,
+    started: Callable[[], None],
+) -> None:
+    """Serve an application until Ctrl-C; `started` is called when requests are answered."""
+    # Two kernels on busy cores would keep each other from working, if their threads waited by
+    # spinning; it has to be said before the first parallel kernel runs.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     settings = uvicorn.Config(
         app,
         http="httptools",

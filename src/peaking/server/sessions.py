@@ -34,6 +34,7 @@ TRANSFORMS = "transforms.json"
 FAST: GeneratorName = "layered"
 """The generator whose MPIs are made at once."""
 
+ERASED = "The session was erased."
 FOLDERS = ("images", "depth", "mpi", "removed/images", "removed/depth")
 _log = logging.getLogger("peaking.server")
 
@@ -64,6 +65,7 @@ class OpenSession:
         self._with_depth: set[str] = set()
         self._entries: dict[str, str] = {}
         self._number = 0
+        self._erased = False
         self._finished = False
         events = self._log.read()
         begun = next(events, None)
@@ -246,6 +248,8 @@ class OpenSession:
             DiskFull: There is no room for it.
         """
         with self._lock, room_explained():
+            if self._erased:
+                return self.mark_failed(capture_id, ERASED)
             version = self.capture(capture_id).mpi_version + 1
             write_atomically(self.mpi_path(capture_id, version), mpi)
             made = session_log.MpiMade(
@@ -304,13 +308,22 @@ class OpenSession:
         """
         with self._lock:
             path, wanted = self.folder / TRANSFORMS, self._transforms()
-            if path.is_file() and path.read_bytes() == wanted:
+            if self._erased or (path.is_file() and path.read_bytes() == wanted):
                 return
             try:
                 with room_explained():
                     write_atomically(path, wanted)
             except DiskFull:
                 _log.warning("%s is not up to date: the disk is full", path)
+
+    def erase(self) -> None:
+        """Delete the folder; what is still being made of it is thrown away."""
+        with self._lock:
+            self._erased = True
+            hidden = self.folder.with_name(f".{self.folder.name}.erased")
+            with contextlib.suppress(FileNotFoundError):
+                self.folder.rename(hidden)
+            shutil.rmtree(hidden, ignore_errors=True)
 
     # Inside
 
@@ -419,7 +432,10 @@ class SessionStore:
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
+        self._erased: set[str] = set()
         root.mkdir(parents=True, exist_ok=True)
+        for leftover in root.glob(".*.erased"):
+            shutil.rmtree(leftover, ignore_errors=True)
         for log in sorted(root.glob(f"*/{session_log.FILE_NAME}")):
             if log.parent.name.startswith("."):
                 continue
@@ -449,11 +465,14 @@ class SessionStore:
         """Return the session of this id, and whether it was made now.
 
         Raises:
+            UnknownSession: It was erased while this server ran.
             DiskFull: There is no room; nothing of it was kept.
         """
         with self._lock:
             if new.id in self._sessions:
                 return self._sessions[new.id], False
+            if new.id in self._erased:
+                raise UnknownSession(ERASED)
             now_s = self._clock()
             when = time.strftime("%Y-%m-%d_%H%M%S", time.localtime(now_s))
             folder = self.root / f"{when}_{new.id[:8]}"
@@ -478,3 +497,11 @@ class SessionStore:
             session = OpenSession(folder, clock=self._clock)
             self._sessions[new.id] = session
             return session, True
+
+    def erase(self, session_id: str) -> None:
+        """Delete a session with all its photos; one that is not here stays refused."""
+        with self._lock:
+            self._erased.add(session_id)
+            session = self._sessions.pop(session_id, None)
+        if session is not None:
+            session.erase()

@@ -1,17 +1,19 @@
-"""Write the TypeScript twin of `wire.py`; `make wire` calls it."""
+"""Write the TypeScript twins of `wire.py` and `study/wire.py`; `make wire` calls it."""
 
 from __future__ import annotations
 
 import inspect
 import sys
 from collections.abc import Iterator
+from types import ModuleType
 from typing import Any, get_args
 
 import msgspec
 
 from peaking.server import wire
+from peaking.server.study import wire as study_wire
 
-HEADER = """// Generated from src/peaking/server/wire.py by `make wire`; do not edit.
+HEADER = """// Generated from src/peaking/server/{file} by `make wire`; do not edit.
 /* eslint-disable */
 """
 
@@ -26,19 +28,32 @@ _PLAIN = {
 
 def typescript() -> str:
     """Return wire.ts: an interface per struct, a type per union of events."""
-    lines = [HEADER, f"export const PROTOCOL = {wire.PROTOCOL};"]
-    for struct in structs():
-        lines += ["", *_interface(struct)]
-    for name in ("SessionEvent", "ServerEvent"):
-        members = " | ".join(member.__name__ for member in get_args(getattr(wire, name)))
+    lines = [HEADER.format(file="wire.py"), f"export const PROTOCOL = {wire.PROTOCOL};"]
+    return _file([*lines, *_interfaces(wire)], wire, ["SessionEvent", "ServerEvent"])
+
+
+def study_typescript() -> str:
+    """Return study/wire.ts."""
+    lines = [HEADER.format(file="study/wire.py"), *list(_interfaces(study_wire))[1:]]
+    return _file(lines, study_wire, ["StudyEvent"])
+
+
+def structs(module: ModuleType = wire) -> list[type[msgspec.Struct]]:
+    """Return the structs of a wire, in the order of the file."""
+    found = [value for value in vars(module).values() if isinstance(value, type)]
+    return [k for k in found if issubclass(k, msgspec.Struct) and k is not module.Struct]
+
+
+def _interfaces(module: ModuleType) -> Iterator[str]:
+    for struct in structs(module):
+        yield from ("", *_interface(struct))
+
+
+def _file(lines: list[str], module: ModuleType, unions: list[str]) -> str:
+    for name in unions:
+        members = " | ".join(member.__name__ for member in get_args(getattr(module, name)))
         lines += ["", f"export type {name} = {members};"]
     return "\n".join(lines) + "\n"
-
-
-def structs() -> list[type[msgspec.Struct]]:
-    """Return the structs of the wire, in the order of the file."""
-    found = [value for value in vars(wire).values() if isinstance(value, type)]
-    return [kind for kind in found if issubclass(kind, wire.Struct) and kind is not wire.Struct]
 
 
 def _interface(struct: type[msgspec.Struct]) -> Iterator[str]:
@@ -61,10 +76,12 @@ def _type(kind: Any) -> str:
         return _type(kind.type)
     if isinstance(kind, msgspec.inspect.ListType):
         return f"readonly {_in_array(_type(kind.item_type))}[]"
+    if isinstance(kind, msgspec.inspect.DictType):
+        return f"Readonly<Record<string, {_type(kind.value_type)}>>"
     if isinstance(kind, msgspec.inspect.LiteralType):
         return " | ".join(f"'{value}'" for value in sorted(kind.values, key=str))
     if isinstance(kind, msgspec.inspect.UnionType):
-        return " | ".join(_type(member) for member in kind.types)
+        return " | ".join(dict.fromkeys(_type(member) for member in kind.types))
     return _PLAIN[type(kind)]
 
 
@@ -73,4 +90,4 @@ def _in_array(item: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(typescript())
+    sys.stdout.write(study_typescript() if sys.argv[1:] == ["study"] else typescript())

@@ -1,0 +1,1 @@
+"""The web side of user studies: what the console and the participants' phones ask for."""

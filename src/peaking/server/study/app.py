@@ -1,0 +1,323 @@
+"""The HTTP application of a study: the capture server, and what the study's pages ask for.
+
+Addresses below /api/v1/study are the participants' (any paired device); those below
+/api/v1/study/console need the console's own token.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import segno
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+
+from peaking.errors import PeakingError
+from peaking.server.answers import json_answer, problem
+from peaking.server.auth import Guard
+from peaking.server.events import Hub
+from peaking.server.sessions import SessionStore
+from peaking.server.study import wire
+from peaking.server.study.open_participant import Incomplete, NotNow, OpenParticipant
+from peaking.server.study.open_study import OpenStudy, UnknownParticipant
+from peaking.server.study.shown import console_state, participant_state
+
+CONSOLE_COOKIE = "peaking_console"
+CONSOLE = ""
+"""The console's topic; every other topic is a participant."""
+MOST_BYTES = 1_000_000
+COOKIE_AGE_S = 30 * 24 * 3600
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class StudyConfig:
+    """Who may do what, and where phones find it.
+
+    Attributes:
+        token: What phones need; None lets loopback in without one.
+        console_token: What the console needs.
+        client_dir: The built web client.
+        phone_links: Begin of the links for phones, the best first; the participant and the token
+            are appended.
+        secure: Served over https.
+    """
+
+    token: str | None
+    console_token: str | None
+    client_dir: Path
+    phone_links: list[str]
+    secure: bool = False
+
+
+class _Handlers:
+    """The handlers, and what they need."""
+
+    def __init__(self, study: OpenStudy, sessions: SessionStore, config: StudyConfig) -> None:
+        self.study = study
+        self.sessions = sessions
+        self.config = config
+        self.hub = Hub()
+
+    # The participant's phone
+
+    async def texts(self, _: Request) -> Response:
+        return json_answer(self.study.texts.pages)
+
+    async def state(self, request: Request) -> Response:
+        return json_answer(self._state(self._participant(request)))
+
+    async def events(self, request: Request) -> Response:
+        participant = self._participant(request)
+        stream = self.hub.stream(
+            participant.pseudonym,
+            lambda: self._state(participant),
+            live=True,
+            changed=self._tell_console,
+        )
+        return _event_stream(stream)
+
+    async def consent(self, request: Request) -> Response:
+        return await self._do(request, wire.Consent, OpenParticipant.consent)
+
+    async def draft(self, request: Request) -> Response:
+        return await self._do(request, wire.Draft, OpenParticipant.keep_draft)
+
+    async def answers(self, request: Request) -> Response:
+        return await self._do(request, wire.Answered, OpenParticipant.answer)
+
+    async def session(self, request: Request) -> Response:
+        return await self._do(request, wire.SessionBegun, OpenParticipant.link)
+
+    async def finish(self, request: Request) -> Response:
+        def stop(participant: OpenParticipant, done: wire.StepDone) -> None:
+            participant.stop(done.step, by="participant")
+
+        return await self._do(request, wire.StepDone, stop)
+
+    async def told(self, request: Request) -> Response:
+        participant = self._participant(request)
+        told = await _json(request, wire.ToldEvents)
+        await run_in_threadpool(participant.tell, told.events)
+        self._tell_console()
+        return Response(status_code=204)
+
+    # The console
+
+    async def pair(self, _: Request) -> Response:
+        answer = Response(status_code=204)
+        if self.config.console_token is not None:
+            answer.set_cookie(
+                CONSOLE_COOKIE,
+                self.config.console_token,
+                max_age=COOKIE_AGE_S,
+                path="/",
+                secure=self.config.secure,
+                httponly=True,
+                samesite="strict",
+            )
+        return answer
+
+    async def console_events(self, _: Request) -> Response:
+        return _event_stream(self.hub.stream(CONSOLE, self._console, live=True))
+
+    async def add(self, _: Request) -> Response:
+        participant = await run_in_threadpool(self.study.add)
+        self._tell_console()
+        return json_answer(wire.NewParticipant(participant.pseudonym), status=201)
+
+    async def start(self, request: Request) -> Response:
+        def start(participant: OpenParticipant, order: wire.StepOrder) -> None:
+            participant.start(order.step)
+
+        return await self._do(request, wire.StepOrder, start)
+
+    async def stop(self, request: Request) -> Response:
+        def stop(participant: OpenParticipant, order: wire.StepOrder) -> None:
+            participant.stop(order.step, by="experimenter")
+
+        return await self._do(request, wire.StepOrder, stop)
+
+    async def repeat(self, request: Request) -> Response:
+        def repeat(participant: OpenParticipant, reason: wire.Reason) -> None:
+            participant.repeat(reason.step or "", reason.text)
+
+        return await self._do(request, wire.Reason, repeat)
+
+    async def note(self, request: Request) -> Response:
+        return await self._do(request, wire.Reason, lambda who, said: who.note(said.text))
+
+    async def exclude(self, request: Request) -> Response:
+        return await self._do(request, wire.Reason, lambda who, said: who.exclude(said.text))
+
+    async def qr(self, request: Request) -> Response:
+        participant = self._participant(request)
+        picture = io.BytesIO()
+        link = f"{self.config.phone_links[0]}{participant.pseudonym}{self._hash()}"
+        segno.make(link, error="m").save(
+            picture, kind="svg", scale=5, border=3, dark="#0d0f12", light="#ffffff", xmldecl=False
+        )
+        return Response(picture.getvalue(), media_type="image/svg+xml")
+
+    # Inside
+
+    async def _do(
+        self, request: Request, kind: type[T], change: Callable[[OpenParticipant, T], None]
+    ) -> Response:
+        """Change a participant, tell who looks, and answer with the new state."""
+        participant = self._participant(request)
+        asked = await _json(request, kind)
+        await run_in_threadpool(change, participant, asked)
+        await run_in_threadpool(self._forget_images, participant)
+        state = self._state(participant)
+        self.hub.send(participant.pseudonym, state)
+        self._tell_console()
+        return json_answer(state)
+
+    def _forget_images(self, participant: OpenParticipant) -> None:
+        """Delete the photos of trials that are over, where they may not be kept."""
+        for session in participant.sessions_to_forget():
+            self.sessions.erase(session)
+            participant.images_erased(session)
+
+    def _participant(self, request: Request) -> OpenParticipant:
+        return self.study.get(request.path_params["participant"])
+
+    def _state(self, participant: OpenParticipant) -> wire.ParticipantState:
+        return participant_state(participant, self.study.texts)
+
+    def _console(self) -> wire.ConsoleState:
+        names = list(self.study.participants)
+        return console_state(
+            self.study,
+            phone_links=[
+                f"{link}{{participant}}{self._hash()}" for link in self.config.phone_links
+            ],
+            on_phone={name for name in names if self.hub.is_live(name)},
+        )
+
+    def _tell_console(self) -> None:
+        if self.hub.is_live(CONSOLE):
+            self.hub.send(CONSOLE, self._console())
+
+    def _hash(self) -> str:
+        return "" if self.config.token is None else f"#token={self.config.token}"
+
+
+def create_study_app(
+    *, study: OpenStudy, sessions: SessionStore, capture: Starlette, config: StudyConfig
+) -> Starlette:
+    """Return the application of a study around the one of the capture server."""
+    handlers = _Handlers(study, sessions, config)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        async with capture.router.lifespan_context(capture):
+            yield
+        handlers.hub.close()
+
+    app = Starlette(
+        routes=[
+            Route("/study", _page(config.client_dir / "study.html")),
+            Route("/participant", _page(config.client_dir / "participant.html")),
+            Mount("/api/v1/study/console", app=_console_app(handlers, config)),
+            *_participant_routes(handlers),
+            Mount("/", app=capture),
+        ],
+        exception_handlers=_refusals(),
+        lifespan=lifespan,
+    )
+    app.add_middleware(Guard, token=config.token)
+    return app
+
+
+def _participant_routes(handlers: _Handlers) -> list[Route]:
+    participant = "/api/v1/study/participants/{participant}"
+    return [
+        Route("/api/v1/study/texts", handlers.texts, methods=["GET"]),
+        Route(participant, handlers.state, methods=["GET"]),
+        Route(participant + "/events", handlers.events, methods=["GET"]),
+        Route(participant + "/consent", handlers.consent, methods=["POST"]),
+        Route(participant + "/draft", handlers.draft, methods=["PUT"]),
+        Route(participant + "/answers", handlers.answers, methods=["POST"]),
+        Route(participant + "/session", handlers.session, methods=["POST"]),
+        Route(participant + "/finish", handlers.finish, methods=["POST"]),
+        Route(participant + "/told", handlers.told, methods=["POST"]),
+    ]
+
+
+def _console_app(handlers: _Handlers, config: StudyConfig) -> Any:
+    participant = "/participants/{participant}"
+    app = Starlette(
+        routes=[
+            Route("/pair", handlers.pair, methods=["POST"]),
+            Route("/events", handlers.console_events, methods=["GET"]),
+            Route("/participants", handlers.add, methods=["POST"]),
+            Route(participant + "/start", handlers.start, methods=["POST"]),
+            Route(participant + "/stop", handlers.stop, methods=["POST"]),
+            Route(participant + "/repeat", handlers.repeat, methods=["POST"]),
+            Route(participant + "/note", handlers.note, methods=["POST"]),
+            Route(participant + "/exclude", handlers.exclude, methods=["POST"]),
+            Route(participant + "/qr.svg", handlers.qr, methods=["GET"]),
+        ],
+        exception_handlers=_refusals(),
+    )
+    app.add_middleware(Guard, token=config.console_token, cookie=CONSOLE_COOKIE)
+    return app
+
+
+def _page(path: Path) -> Callable[[Request], Any]:
+    async def answer(_: Request) -> Response:
+        return FileResponse(path, headers={"Cache-Control": "no-cache"})
+
+    return answer
+
+
+def _refusals() -> dict[Any, Any]:
+    async def refused(_: Request, error: Exception) -> Response:
+        match error:
+            case Incomplete():
+                return json_answer(wire.AnswersRefused(str(error), error.items), status=422)
+            case NotNow():
+                return problem(409, str(error))
+            case UnknownParticipant():
+                return problem(404, str(error))
+            case HTTPException():
+                return problem(error.status_code, error.detail, error.headers)
+            case OSError():
+                return problem(507, f"The server could not write ({error.strerror}); try again.")
+            case _:
+                return problem(500, "Something went wrong on the server; its log says what.")
+
+    return {PeakingError: refused, HTTPException: refused, OSError: refused}
+
+
+async def _json(request: Request, kind: type[T]) -> T:
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > MOST_BYTES:
+            raise HTTPException(413, f"That is more than {MOST_BYTES:,} bytes.")
+    try:
+        return msgspec.json.decode(body, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise HTTPException(400, f"The request's JSON is wrong: {error}.") from error
+
+
+def _event_stream(stream: Any) -> Response:
+    return StreamingResponse(
+        stream,
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )

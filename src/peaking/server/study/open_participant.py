@@ -1,0 +1,323 @@
+"""One participant of a study that is run: what may happen next, each event on the disk first."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from peaking.errors import PeakingError, StudyError
+from peaking.server.study import wire
+from peaking.study import records
+from peaking.study.procedure import (
+    Step,
+    StepState,
+    current,
+    repeated_with,
+    states_of,
+    steps_of,
+)
+from peaking.study.protocol import FILE_NAME, Protocol
+from peaking.study.questionnaires import Answer, problems
+from peaking.study.records import AnyEvent, ParticipantRecord, record_of
+
+
+class NotNow(PeakingError):
+    """Something was asked that does not fit the step; the page shows an older state."""
+
+
+class Incomplete(PeakingError):
+    """A form is not complete; `items` says what is wrong where."""
+
+    def __init__(self, items: dict[str, str]) -> None:
+        """Keep what is wrong."""
+        super().__init__("Some answers are missing or not possible.")
+        self.items = items
+
+
+class OpenParticipant:
+    """One participant and their log. May be used from several threads."""
+
+    def __init__(
+        self, study: Path, pseudonym: str, *, protocol: Protocol, clock: Callable[[], float]
+    ) -> None:
+        """Open a log, and cut off what a crash left unfinished.
+
+        Raises:
+            StudyError: The log is damaged.
+        """
+        self.pseudonym = pseudonym
+        self.protocol = protocol
+        self.lock = threading.RLock()
+        self._clock = clock
+        self._log = records.log_of(study, pseudonym)
+        self._log.mend()
+        self.events: list[AnyEvent] = records.read_events(self._log)
+        self._check_trials(study)
+        self.steps = steps_of(protocol, [t.trial for t in self.record.trials])
+        self._told = {e.id for e in self.events if isinstance(e, records.PhoneEvent)}
+
+    @property
+    def record(self) -> ParticipantRecord:
+        """What is known now."""
+        return record_of(self.events)
+
+    @property
+    def protocol_sha256(self) -> str:
+        """Digest of the protocol under which this participant began."""
+        begun = self.events[0]
+        assert isinstance(begun, records.ParticipantBegun)
+        return begun.protocol_sha256
+
+    @property
+    def current(self) -> tuple[Step, StepState] | None:
+        """The step that is next or running."""
+        return current(self.steps, self.events)
+
+    @property
+    def states(self) -> list[StepState]:
+        """Where each step stands."""
+        return states_of(self.steps, self.events)
+
+    def draft(self, step: str) -> dict[str, Answer]:
+        """Return what was filled in so far."""
+        found: dict[str, Answer] = {}
+        for event in self.events:
+            if isinstance(event, records.DraftKept) and event.step == step:
+                found.update(event.answers)
+            elif isinstance(event, records.StepRepeated) and event.step == step:
+                found.clear()
+        return found
+
+    def session(self, step: Step) -> str | None:
+        """Return the capture session last begun for the trial of a step, or for its practice."""
+        if step.trial is None:
+            return None
+        kinds = ("practice",) if step.kind == "practice" else ("scan", "capture")
+        keys = [f"{step.trial.key}.{kind}" for kind in kinds]
+        found = None
+        for event in self.events:
+            if isinstance(event, records.SessionLinked) and event.step in keys:
+                found = event.session
+            elif isinstance(event, records.StepRepeated) and event.step in keys:
+                found = None
+        return found
+
+    # The experimenter
+
+    def start(self, step: str) -> None:
+        """Start a phase; again does nothing.
+
+        Raises:
+            NotNow: It is another step's turn.
+        """
+        with self.lock:
+            if self._expect(step) == "waiting":
+                self._append(records.StepStarted(self._clock(), step=step))
+
+    def stop(self, step: str, *, by: records.Who) -> None:
+        """End a phase; when it is over already, does nothing.
+
+        Raises:
+            NotNow: It has not begun, or it is another step's turn.
+        """
+        with self.lock:
+            if self.is_done(step):
+                return
+            if self._expect(step) != "running":
+                raise NotNow("This part has not begun yet.")
+            if self._step(step).kind == "consent":
+                raise NotNow("The participant answers this on the phone.")
+            self._append(records.StepFinished(self._clock(), step=step, by=by))
+
+    def repeat(self, step: str, reason: str) -> None:
+        """Do a step again, and all that were begun after it.
+
+        Raises:
+            NotNow: It has not been done yet.
+        """
+        with self.lock:
+            self._step(step)
+            again = repeated_with(self.steps, step, self.events)
+            if not again:
+                raise NotNow("This part has not been done yet.")
+            at_s = self._clock()
+            self._append(*[records.StepRepeated(at_s, step=key, reason=reason) for key in again])
+
+    def note(self, text: str) -> None:
+        """Keep a note of the experimenter."""
+        with self.lock:
+            self._append(records.NoteAdded(self._clock(), text=text))
+
+    def exclude(self, reason: str) -> None:
+        """Let the participant not count; their place in the design is given again."""
+        with self.lock:
+            self._append(records.ParticipantExcluded(self._clock(), reason=reason))
+
+    # The participant
+
+    def consent(self, answer: wire.Consent) -> None:
+        """Keep the answer to the consent page; a second one does nothing.
+
+        Raises:
+            NotNow: It is another step's turn.
+        """
+        with self.lock:
+            if self.is_done("consent") or self.current is None:
+                return
+            self._expect("consent")
+            at_s = self._clock()
+            if not answer.agreed:
+                self._append(records.ConsentRefused(at_s))
+                return
+            digest = hashlib.sha256(self.protocol.consent.encode()).hexdigest()
+            self._append(
+                records.ConsentGiven(at_s, images=answer.images, text_sha256=digest),
+                records.StepFinished(at_s, step="consent", by="participant"),
+            )
+
+    def keep_draft(self, draft: wire.Draft) -> None:
+        """Keep what was filled in so far; after the form was handed in, does nothing.
+
+        Raises:
+            NotNow: It is another step's turn.
+        """
+        with self.lock:
+            if self.is_done(draft.step):
+                return
+            self._expect(draft.step)
+            form = self._form(draft.step)
+            known = {item.id for item in form.items}
+            answers = {name: value for name, value in draft.answers.items() if name in known}
+            if answers:
+                self._append(records.DraftKept(self._clock(), step=draft.step, answers=answers))
+
+    def answer(self, given: wire.Answered) -> None:
+        """Keep a form that was handed in; a second time does nothing.
+
+        Raises:
+            NotNow: It is another step's turn.
+            Incomplete: An answer is missing or not possible.
+        """
+        with self.lock:
+            if self.is_done(given.step):
+                return
+            self._expect(given.step)
+            form = self._form(given.step)
+            wrong = problems(form, given.answers)
+            if wrong:
+                raise Incomplete(wrong)
+            at_s = self._clock()
+            self._append(
+                records.Answered(
+                    at_s,
+                    step=given.step,
+                    questionnaire=form.name,
+                    answers=given.answers,
+                    language=self.protocol.language,
+                ),
+                records.StepFinished(at_s, step=given.step, by="participant"),
+            )
+
+    def link(self, begun: wire.SessionBegun) -> None:
+        """Remember the capture session of a step; again does nothing.
+
+        Raises:
+            NotNow: It is another step's turn.
+        """
+        with self.lock:
+            self._expect(begun.step)
+            if self.session(self._step(begun.step)) != begun.session:
+                self._append(
+                    records.SessionLinked(self._clock(), step=begun.step, session=begun.session)
+                )
+
+    def tell(self, told: Sequence[wire.Told]) -> None:
+        """Keep what happened on the phone, each event once; it may come late, from any step."""
+        with self.lock:
+            known = {step.key for step in self.steps}
+            new = {e.id: e for e in told if e.id not in self._told and e.step in known}
+            if new:
+                at_s = self._clock()
+                self._append(*[_phone_event(event, at_s) for event in new.values()])
+                self._told.update(new)
+
+    def sessions_to_forget(self) -> list[str]:
+        """Return sessions that are over and whose photos may not be kept, and are still there."""
+        with self.lock:
+            if self.record.images:
+                return []
+            gone = {e.session for e in self.events if isinstance(e, records.ImagesErased)}
+            now = self.current
+            busy = set[str]()
+            if now is not None and now[0].trial is not None:
+                busy = {f"{now[0].trial.key}.{kind}" for kind in ("practice", "scan", "capture")}
+            return [
+                e.session
+                for e in self.events
+                if isinstance(e, records.SessionLinked)
+                and e.session not in gone
+                and not (e.step in busy and not self.is_done(f"{e.step.partition('.')[0]}.review"))
+            ]
+
+    def images_erased(self, session: str) -> None:
+        """Remember that the photos of a session are gone."""
+        with self.lock:
+            self._append(records.ImagesErased(self._clock(), session=session))
+
+    def is_done(self, step: str) -> bool:
+        """Return whether a step is over."""
+        with self.lock:
+            keys = [s.key for s in self.steps]
+            return step in keys and self.states[keys.index(step)] == "done"
+
+    # Inside
+
+    def _check_trials(self, study: Path) -> None:
+        conditions = {condition.name for condition in self.protocol.conditions}
+        for trial in self.record.trials:
+            if trial.trial.condition not in conditions:
+                raise StudyError(
+                    study / FILE_NAME,
+                    f"{self.pseudonym} does {trial.trial.condition!r}, which is no longer there",
+                    field="conditions",
+                    remedy="put it back, or begin a new study in another folder",
+                )
+
+    def _append(self, *events: AnyEvent) -> None:
+        self._log.append(*events)
+        self.events += events
+
+    def _step(self, key: str) -> Step:
+        found = [step for step in self.steps if step.key == key]
+        if not found:
+            raise NotNow("There is no such part in this study.")
+        return found[0]
+
+    def _expect(self, key: str) -> StepState:
+        self._step(key)
+        now = self.current
+        if now is None or now[0].key != key:
+            raise NotNow("It is another part's turn: this page was out of date.")
+        return now[1]
+
+    def _form(self, key: str) -> wire.Questionnaire:
+        name = self._step(key).questionnaire
+        if name is None:
+            raise NotNow("There is nothing to fill in here.")
+        return self.protocol.questionnaire(name)
+
+
+def _phone_event(told: wire.Told, at_s: float) -> AnyEvent:
+    kind = getattr(records, told.kind)
+    fields = {
+        name: value
+        for name in kind.__struct_fields__
+        if name not in ("at_s", "id", "step", "time_s")
+        and (value := getattr(told, name)) is not None
+    }
+    try:
+        return kind(at_s=at_s, id=told.id, step=told.step, time_s=told.time_s, **fields)
+    except TypeError as error:
+        raise NotNow(f"{told.kind}: {error}.") from error

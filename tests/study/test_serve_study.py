@@ -1,0 +1,264 @@
+"""The study's server: what it takes, what it refuses, and what is left after a crash."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from peaking.errors import StudyError
+from peaking.server.app import ServerConfig, create_app
+from peaking.server.sessions import SessionStore
+from peaking.server.study.app import StudyConfig, create_study_app
+from peaking.server.study.open_study import OpenStudy
+from peaking.study.privacy import erase_participant, held
+from peaking.study.protocol import FILE_NAME
+from peaking.study.records import log_of, read_participants
+from study.test_protocol import SMALL
+
+P01 = "/api/v1/study/participants/P01"
+CONSOLE = "/api/v1/study/console"
+SUS = {f"q{i}": 4 for i in range(1, 11)}
+SESSION = "5e551011-0000-4000-8000-000000000001"
+
+
+def open_client(folder: Path, *, token: str | None = None) -> TestClient:
+    sessions = SessionStore(folder / "sessions")
+    capture = create_app(
+        store=sessions, config=ServerConfig(token=token, client_dir=folder / "none")
+    )
+    config = StudyConfig(
+        token=token,
+        console_token=None if token is None else f"console-{token}",
+        client_dir=folder / "none",
+        phone_links=["http://localhost/participant?participant="],
+    )
+    app = create_study_app(
+        study=OpenStudy(folder), sessions=sessions, capture=capture, config=config
+    )
+    return TestClient(app, base_url="http://localhost")
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / FILE_NAME).write_text(SMALL)
+    return folder
+
+
+@pytest.fixture
+def client(study: Path) -> Generator[TestClient, None, None]:
+    with open_client(study) as client:
+        client.post(f"{CONSOLE}/participants")
+        yield client
+
+
+def step(client: TestClient) -> Any:
+    found = client.get(P01).json()["step"]
+    return None if found is None else found["key"]
+
+
+def consent(client: TestClient, *, images: bool = True) -> None:
+    assert client.post(f"{P01}/consent", json={"agreed": True, "images": images}).is_success
+
+
+def order(client: TestClient, what: str, key: str) -> int:
+    return client.post(f"{CONSOLE}/participants/P01/{what}", json={"step": key}).status_code
+
+
+def do_phase(client: TestClient, key: str) -> None:
+    assert order(client, "start", key) == 200
+    assert order(client, "stop", key) == 200
+
+
+def told(kind: str, name: str, time_s: float, **more: object) -> dict[str, object]:
+    return {"kind": kind, "id": name, "step": step_key, "time_s": time_s, **more}
+
+
+step_key = "t1.capture"
+
+
+def first_trial(client: TestClient) -> None:
+    """Go to the end of the first trial's review, with the condition whose turn it is."""
+    consent(client)
+    if step(client) == "t1.scan":
+        do_phase(client, "t1.scan")
+    do_phase(client, "t1.capture")
+    do_phase(client, "t1.review")
+
+
+def test_pseudonyms_are_given_in_order(client: TestClient) -> None:
+    assert client.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
+    assert client.get(P01).json()["step"]["kind"] == "consent"
+    assert client.get("/api/v1/study/participants/P09").status_code == 404
+
+
+def test_nothing_is_asked_of_who_does_not_consent(client: TestClient, study: Path) -> None:
+    client.post(f"{P01}/consent", json={"agreed": False})
+    state = client.get(P01).json()
+    assert state["step"] is None
+    assert state["refused"]
+    (record,) = read_participants(study)
+    assert record.excluded == "did not consent"
+
+
+def test_phases_come_in_order(client: TestClient) -> None:
+    assert order(client, "start", "t1.capture") == 409
+    consent(client)
+    now = step(client)
+    assert order(client, "stop", now) == 409
+    assert order(client, "start", now) == 200
+    assert order(client, "start", now) == 200
+    assert order(client, "stop", now) == 200
+    assert order(client, "stop", now) == 200
+    assert step(client) != now
+
+
+def test_a_half_filled_form_is_refused_and_kept(client: TestClient) -> None:
+    first_trial(client)
+    key = "t1.ask.sus"
+    answers = {"q1": 3, "q2": 9}
+    assert client.put(f"{P01}/draft", json={"step": key, "answers": {"q1": 3}}).status_code == 200
+    refused = client.post(f"{P01}/answers", json={"step": key, "answers": answers})
+    assert refused.status_code == 422
+    items = refused.json()["items"]
+    assert items["q2"] == "out-of-range"
+    assert items["q10"] == "unanswered"
+    assert "q1" not in items
+    assert client.get(P01).json()["step"]["draft"] == {"q1": 3}
+
+
+def test_two_tabs_do_not_undo_each_other(client: TestClient) -> None:
+    first_trial(client)
+    key = "t1.ask.sus"
+    client.put(f"{P01}/draft", json={"step": key, "answers": {"q1": 3, "q2": 2}})
+    client.put(f"{P01}/draft", json={"step": key, "answers": {"q2": 5}})
+    assert client.get(P01).json()["step"]["draft"] == {"q1": 3, "q2": 5}
+
+
+def test_a_double_submission_counts_once(client: TestClient, study: Path) -> None:
+    first_trial(client)
+    form = {"step": "t1.ask.sus", "answers": SUS}
+    assert client.post(f"{P01}/answers", json=form).status_code == 200
+    other = {"step": "t1.ask.sus", "answers": {**SUS, "q1": 1}}
+    assert client.post(f"{P01}/answers", json=other).status_code == 200
+    late = {"step": "t1.ask.sus", "answers": {"q1": 2}}
+    assert client.put(f"{P01}/draft", json=late).status_code == 200
+    lines = log_of(study, "P01").path.read_text().splitlines()
+    assert sum('"type":"Answered"' in line for line in lines) == 1
+    assert read_participants(study)[0].trials[0].answers["sus"]["q1"] == 4
+    ahead = {"step": "t2.ask.sus", "answers": SUS}
+    assert client.post(f"{P01}/answers", json=ahead).status_code == 409
+
+
+def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path) -> None:
+    consent(client)
+    events = [
+        told("CaptureBegun", "b", 10.0),
+        told("ViewTaken", "v", 12.0, capture="v"),
+        told("PeakedTold", "p", 13.0, peaked_share=0.5, missing_share=0.0, views=1),
+    ]
+    for _ in range(2):
+        assert client.post(f"{P01}/told", json={"events": events}).status_code == 204
+    unknown = [{**events[0], "id": "x", "step": "t9.capture"}]
+    assert client.post(f"{P01}/told", json={"events": unknown}).status_code == 204
+    half = [{**events[2], "id": "y", "peaked_share": None}]
+    assert client.post(f"{P01}/told", json={"events": half}).status_code == 409
+    assert client.post(f"{P01}/told", json={"events": [{"kind": "x"}]}).status_code == 400
+    lines = log_of(study, "P01").path.read_text().splitlines()
+    assert sum('"id":' in line for line in lines) == 3
+
+
+def test_after_a_crash_everybody_is_where_they_were(client: TestClient, study: Path) -> None:
+    first_trial(client)
+    client.put(f"{P01}/draft", json={"step": "t1.ask.sus", "answers": {"q3": 2}})
+    before = client.get(P01).json()
+    with log_of(study, "P01").path.open("ab") as file:
+        file.write(b'{"type":"Answered","at_s":1')
+    with open_client(study) as again:
+        assert again.get(P01).json() == before
+        form = {"step": "t1.ask.sus", "answers": SUS}
+        assert again.post(f"{P01}/answers", json=form).status_code == 200
+        assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
+
+
+def test_a_step_is_repeated_with_all_that_came_after(client: TestClient, study: Path) -> None:
+    first_trial(client)
+    client.post(f"{P01}/answers", json={"step": "t1.ask.sus", "answers": SUS})
+    path = f"{CONSOLE}/participants/P01/repeat"
+    assert client.post(path, json={"step": "t2.capture", "text": "?"}).status_code == 409
+    assert client.post(path, json={"step": "t1.capture", "text": "a call"}).status_code == 200
+    assert step(client) == "t1.capture"
+    assert read_participants(study)[0].trials[0].answers == {}
+
+
+def test_who_is_left_out_gives_the_place_to_the_next(client: TestClient, study: Path) -> None:
+    client.post(f"{CONSOLE}/participants")
+    client.post(f"{CONSOLE}/participants/P01/exclude", json={"text": "the phone broke"})
+    client.post(f"{CONSOLE}/participants")
+    records = {r.pseudonym: r for r in read_participants(study)}
+    assert records["P03"].row == records["P01"].row
+    assert records["P02"].row != records["P01"].row
+    assert client.get(P01).json()["step"] is None
+
+
+def test_photos_go_after_the_review_when_they_may_not_be_kept(
+    client: TestClient, study: Path
+) -> None:
+    consent(client, images=False)
+    if step(client) == "t1.scan":
+        do_phase(client, "t1.scan")
+    order(client, "start", "t1.capture")
+    linked = {"step": "t1.capture", "session": SESSION}
+    assert client.post(f"{P01}/session", json=linked).status_code == 200
+    begun = {"id": SESSION, "protocol": 1, "name": "x", "source": "virtual"}
+    assert client.post("/api/v1/sessions", json=begun).status_code == 201
+    order(client, "stop", "t1.capture")
+    assert len(list((study / "sessions").iterdir())) == 1
+    do_phase(client, "t1.review")
+    assert list((study / "sessions").iterdir()) == []
+    assert client.post("/api/v1/sessions", json=begun).status_code == 404
+    assert '"ImagesErased"' in log_of(study, "P01").path.read_text()
+
+
+def test_the_console_has_a_token_of_its_own(study: Path) -> None:
+    with open_client(study, token="secret-of-phones") as client:
+        phone = {"Authorization": "Bearer secret-of-phones"}
+        both = {
+            "cookie": "peaking_token=secret-of-phones; peaking_console=console-secret-of-phones"
+        }
+        add = f"{CONSOLE}/participants"
+        assert client.get("/api/v1/study/texts").status_code == 401
+        assert client.get("/api/v1/study/texts", headers=phone).status_code == 200
+        assert client.post(add, headers=phone).status_code == 401
+        assert client.post(add, headers=both).status_code == 201
+        stranger = {**both, "origin": "http://elsewhere"}
+        assert client.post(add, headers=stranger).status_code == 403
+        qr = client.get(f"{CONSOLE}/participants/P01/qr.svg", headers=both)
+        assert qr.headers["content-type"].startswith("image/svg+xml")
+
+
+def test_one_server_at_a_time(study: Path) -> None:
+    with (
+        held(study),
+        pytest.raises(StudyError, match="being served by another process"),
+        held(study),
+    ):
+        pass
+
+
+def test_who_is_erased_is_gone_and_the_pseudonym_stays_taken(
+    client: TestClient, study: Path
+) -> None:
+    consent(client)
+    assert log_of(study, "P01").path.is_file()
+    erase_participant(study, "P01")
+    assert not (study / "participants" / "P01").exists()
+    with pytest.raises(StudyError, match="nobody yet"):
+        erase_participant(study, "P01")
+    with open_client(study) as again:
+        assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
