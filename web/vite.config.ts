@@ -13,7 +13,10 @@ export default defineConfig({
     target: 'es2022',
     chunkSizeWarningLimit: 900,
     rollupOptions: {
-      input: { index: page('index'), check: page('check'), sessions: page('sessions') },
+      input: {
+        index: page('index'), check: page('check'), sessions: page('sessions'),
+        participant: page('participant'), study: page('study'),
+      },
     },
   },
   worker: { format: 'es' },

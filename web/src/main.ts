@@ -12,6 +12,7 @@ import type { FrameSource } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
+import { StudyCapture } from './study/capture_study';
 import { Hud } from './ui/hud';
 import { StartPage } from './ui/start_page';
 import type { ServerInfo } from './wire';
@@ -67,6 +68,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const info = await api.server();
   const query = new URLSearchParams(location.search);
   const choice = chooseSource(query, info.recordings, await canDoAr());
+  const study = await StudyCapture.open(api, query, choice.kind);
   const guideOptions = guideOptionsOf(query);
   for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
     key.hidden = key.dataset['only'] !== choice.kind;
@@ -78,8 +80,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     source: choice.kind,
     name: nameOf(choice),
     device: navigator.userAgent.slice(0, 400),
-    sessionId: query.get('session'),
-    resume: choice.kind !== 'webxr',
+    sessionId: study?.sessionId ?? query.get('session'),
+    resume: study === null && choice.kind !== 'webxr',
   });
   const gl = contextOf(stage);
   let problem: string | null = null;
@@ -100,7 +102,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     finish: (name) => void session.finish(name),
     newSession: () => beginAnew(query),
     datasetUrl: session.datasetUrl,
-  }, replay);
+  }, replay, study);
+  study?.attach(live, session, overlay);
   window.peaking = inspectionOf(live, session, phone, guide);
 
   const notices = new Notices(info, api);
@@ -115,9 +118,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       peakedShare: seen?.peakedShare ?? null,
       views,
       notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
-      canShoot: hindrance === null && (guide?.canPress ?? true),
+      canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayShoot ?? true),
       sessionName: name,
     });
+    study?.see();
     if (camera !== null && seen?.peakedShare != null) {
       session.reportPeaked({
         time_s: Date.now() / 1000,
@@ -133,7 +137,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     await source.run(gl, onFrame, new AbortController().signal);
     await new Promise<void>((resolve) => start.ended(resolve));
     // A new session of WebXR has another origin, so its views are no neighbours of the old ones.
-    if (choice.kind === 'webxr') beginAnew(query);
+    if (choice.kind === 'webxr') {
+      if (study === null) beginAnew(query);
+      else location.reload();
+    }
     start.hide();
   }
 }

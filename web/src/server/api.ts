@@ -19,6 +19,8 @@ export class ApiError extends Error {
     readonly problem: string,
     /** The server's `Retry-After`, seconds. */
     readonly retryAfter_s: number | null = null,
+    /** The answer's text, for those who know more of its fields. */
+    readonly body = '',
   ) {
     super(problem);
   }
@@ -74,8 +76,9 @@ export class Api {
     return info;
   }
 
-  async pair(token: string): Promise<void> {
-    await this.#ask('POST', '/pair', { headers: { Authorization: `Bearer ${token}` } });
+  /** @param path Of what is paired with; the study's console has a token of its own. */
+  async pair(token: string, path = '/pair'): Promise<void> {
+    await this.#ask('POST', path, { headers: { Authorization: `Bearer ${token}` } });
   }
 
   /**
@@ -84,19 +87,34 @@ export class Api {
    *
    * @returns Whether there was a token.
    */
-  async pairFromHash(page: PairingPage = window): Promise<boolean> {
+  async pairFromHash(
+    page: PairingPage = window, name = 'token', path = '/pair',
+  ): Promise<boolean> {
     const fragment = new URLSearchParams(page.location.hash.replace(/^#/, ''));
-    const token = fragment.get('token');
+    const token = fragment.get(name);
     if (token === null || token === '') return false;
+    fragment.delete(name);
     try {
-      await this.pair(token);
+      await this.pair(token, path);
     } catch (error) {
       if (error instanceof ApiError && error.status === 0) throw error;
-      this.#hideToken(page, fragment);
+      this.#showHash(page, fragment);
       throw error;
     }
-    this.#hideToken(page, fragment);
+    this.#showHash(page, fragment);
     return true;
+  }
+
+  /** Ask for JSON at an address of the study's pages; null where there is nothing to say. */
+  async ask<T>(method: string, path: string, json?: object): Promise<T | null> {
+    const request = json === undefined ? {} : { json };
+    const response = await this.#ask(method, path, request);
+    return response.status === 204 ? null : await this.#parsed<T>(response);
+  }
+
+  /** Server-sent events of an address, as bytes. */
+  eventBytes(path: string, signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
+    return this.#eventBytes(path, signal);
   }
 
   sessions(): Promise<readonly SessionSummary[]> {
@@ -194,8 +212,7 @@ export class Api {
     return `${this.base}/api/v1${path}`;
   }
 
-  #hideToken(page: PairingPage, fragment: URLSearchParams): void {
-    fragment.delete('token');
+  #showHash(page: PairingPage, fragment: URLSearchParams): void {
     const rest = fragment.toString();
     const { pathname, search } = page.location;
     page.history.replaceState(null, '', pathname + search + (rest === '' ? '' : `#${rest}`));
@@ -227,7 +244,10 @@ export class Api {
   }
 
   async #json<T>(method: string, path: string, request: Request = {}): Promise<T> {
-    const response = await this.#ask(method, path, request);
+    return this.#parsed(await this.#ask(method, path, request));
+  }
+
+  async #parsed<T>(response: Response): Promise<T> {
     const text = await read(response.text());
     try {
       const value: unknown = JSON.parse(text);
@@ -286,7 +306,7 @@ async function refusal(response: Response): Promise<ApiError> {
   const text = await response.text().catch(() => '');
   const retryAfter_s = Number.parseFloat(response.headers.get('Retry-After') ?? '');
   return new ApiError(response.status, problemIn(text) ?? sentenceOf(response.status),
-    Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null);
+    Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null, text);
 }
 
 function problemIn(text: string): string | null {

@@ -34,7 +34,7 @@ export function sessionEvents(
   api: Api, sessionId: string, listener: EventsListener<SessionEvent>, signal: AbortSignal,
   options: EventsOptions = {},
 ): Promise<void> {
-  return follow((open) => api.sessionEventBytes(sessionId, open, options.role),
+  return followEvents((open) => api.sessionEventBytes(sessionId, open, options.role),
     listener, signal, options);
 }
 
@@ -43,12 +43,13 @@ export function serverEvents(
   api: Api, listener: EventsListener<ServerEvent>, signal: AbortSignal,
   options: EventsOptions = {},
 ): Promise<void> {
-  return follow((open) => api.serverEventBytes(open), listener, signal, options);
+  return followEvents((open) => api.serverEventBytes(open), listener, signal, options);
 }
 
-async function follow<Event>(
+/** Follow any stream of events until the signal aborts; `open` begins it. */
+export async function followEvents<Event>(
   open: (signal: AbortSignal) => Promise<ReadableStream<Uint8Array>>,
-  listener: EventsListener<Event>, signal: AbortSignal, options: EventsOptions,
+  listener: EventsListener<Event>, signal: AbortSignal, options: EventsOptions = {},
 ): Promise<void> {
   const pacing = options.pacing ?? browserPacing;
   const network = options.network === undefined ? globalThis : options.network;

@@ -32,6 +32,18 @@ export interface HudState {
   readonly sessionName: string;
 }
 
+/** What a study changes of the controls. */
+export interface StudyHud {
+  /** Whether anything red, or about red, may be seen. */
+  readonly showsRed: boolean;
+  readonly finishLabel: string;
+  /** Views may be taken, and taken back. */
+  readonly mayShoot: boolean;
+  /** Something lies over the picture: keys are not for it. */
+  readonly busy: boolean;
+  finish(): void;
+}
+
 const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
   ['mpi', 'Double', 'the digital double alone'],
   ['video', 'Video + red', 'red over the live picture'],
@@ -68,7 +80,10 @@ export class Hud {
   #shownViews: readonly CapturedView[] = [];
   #numberAt_ms = -Infinity;
 
-  constructor(root: HTMLElement, actions: HudActions, replay: ReplayControls | null) {
+  constructor(
+    root: HTMLElement, actions: HudActions, replay: ReplayControls | null,
+    readonly study: StudyHud | null = null,
+  ) {
     this.#root = root;
     this.#actions = actions;
     this.#replay = replay;
@@ -81,7 +96,8 @@ export class Hud {
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
       this.#coachSteps, button('', '✕', 'Hide the steps', () => this.#endCoach()));
-    if (stored(COACH_SEEN) !== null) this.#coach.step = STEPS.length;
+    // Every participant sees the same, whatever others did on this phone.
+    if (stored(COACH_SEEN) !== null || study !== null) this.#coach.step = STEPS.length;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -94,6 +110,11 @@ export class Hud {
         make('div', { className: 'side' }, this.#finish)));
     root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
       this.#coachBox, bottom);
+    if (study !== null) {
+      show(tools, false);
+      show(meter, study.showsRed);
+      show(looks, study.showsRed);
+    }
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
@@ -113,6 +134,12 @@ export class Hud {
     for (const [overlay, each] of this.#looks) {
       const pressed = String(overlay === state.look.overlay);
       if (each.ariaPressed !== pressed) each.ariaPressed = pressed;
+    }
+    if (this.study !== null) {
+      say(this.#finish, this.study.finishLabel);
+      this.#shutter.classList.toggle('away', !this.study.mayShoot);
+      show(this.#count, this.study.mayShoot);
+      show(this.#strip, this.study.mayShoot);
     }
     if (state.views !== this.#shownViews) this.#showViews(state.views);
     this.#showCoach(state);
@@ -175,6 +202,7 @@ export class Hud {
   }
 
   #setOverlay(overlay: Overlay): void {
+    if (this.study?.showsRed === false) return;
     if (this.#state !== null) this.#actions.setLook({ ...this.#state.look, overlay });
   }
 
@@ -182,6 +210,7 @@ export class Hud {
     this.#close();
     const state = this.#state;
     if (state === null) return;
+    if (which === 'finish' && this.study !== null) return this.study.finish();
     const close = (): void => this.#close();
     switch (which) {
       case 'views': this.#sheet = viewsSheet(state.views, this.#actions, close); break;
@@ -229,15 +258,16 @@ export class Hud {
   }
 
   #key(event: KeyboardEvent): void {
+    if (this.study?.busy === true) return;
     const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
     const action = actionOfKey(event, typing);
     if (action === null) return;
     switch (action.kind) {
       case 'shoot': this.#shoot(); break;
-      case 'undo': this.#actions.undoLast(); break;
+      case 'undo': if (this.study?.mayShoot !== false) this.#actions.undoLast(); break;
       case 'look': this.#setOverlay(action.overlay); break;
       case 'finish': this.#open('finish'); break;
-      case 'help': this.#restartCoach(); break;
+      case 'help': if (this.study === null) this.#restartCoach(); break;
       case 'step': this.#replay?.step(action.frames); break;
       case 'close': this.#close(); return;
       default: action satisfies never;

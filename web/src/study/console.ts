@@ -1,0 +1,251 @@
+/** The experimenter's console: who is where, and what happens next. */
+
+import { Api, ApiError } from '../server/api';
+import { followEvents } from '../server/events';
+import { make } from '../ui/dom';
+import { percent } from '../ui/share_graph';
+import type { ConsoleState, NewParticipant, ParticipantLine, StepLine, TrialLine } from './wire';
+
+const CONSOLE = '/study/console';
+const TICK_MS = 1000;
+
+const api = new Api();
+let state: ConsoleState | null = null;
+
+async function main(): Promise<void> {
+  await api.pairFromHash();
+  await api.pairFromHash(window, 'console', `${CONSOLE}/pair`);
+  window.addEventListener('hashchange', draw);
+  setInterval(tick, TICK_MS);
+  await followEvents<ConsoleState>((open) => api.eventBytes(`${CONSOLE}/events`, open), {
+    onEvent: (news) => { state = news; draw(); },
+    onConnection: (connection, refusal) => {
+      document.body.dataset['connection'] = connection;
+      if (refusal === null) return;
+      elementOf('detail').replaceChildren(make('p', {}, refusal.status === 401
+        ? 'This browser may not use the console: open the link that the server printed.'
+        : refusal.problem));
+    },
+  }, new AbortController().signal);
+}
+
+function draw(): void {
+  if (state === null) return;
+  document.title = `peaking: ${state.title}`;
+  elementOf('title').textContent = state.title;
+  elementOf('remarks').replaceChildren(...state.remarks.map((said) => make('p', {}, said)));
+  drawList(state);
+  drawDetail(state);
+}
+
+function chosen(from: ConsoleState): ParticipantLine | null {
+  const name = location.hash.slice(1);
+  return from.participants.find((one) => one.participant === name) ?? from.participants.at(-1)
+    ?? null;
+}
+
+function drawList(from: ConsoleState): void {
+  const counting = from.participants.filter((one) => one.excluded === null);
+  const done = counting.filter((one) => one.state === 'done').length;
+  const add = make('button', { className: 'add', type: 'button' }, 'Add participant');
+  add.onclick = () => void order('POST', '/participants', undefined, add).then((answer) => {
+    const { participant } = (answer ?? {}) as Partial<NewParticipant>;
+    if (participant !== undefined) location.hash = participant;
+  });
+  const current = chosen(from)?.participant;
+  const items = from.participants.map((one) => {
+    const item = make('button', { type: 'button', onclick: () => { location.hash = one.participant; } },
+      make('b', {}, one.participant),
+      make('span', { className: 'quiet' }, oneLine(one)));
+    item.setAttribute('aria-current', String(one.participant === current));
+    item.classList.add(one.state);
+    return item;
+  });
+  elementOf('list').replaceChildren(add,
+    make('p', { className: 'quiet' }, `${done} of ${from.planned} planned are done`), ...items);
+}
+
+function oneLine(one: ParticipantLine): string {
+  if (one.excluded !== null) return `left out: ${one.excluded}`;
+  if (one.state === 'done') return 'done';
+  const step = one.steps.find((each) => each.key === one.current);
+  return step === undefined ? '' : `${step.label}${step.state === 'running' ? '' : ', waiting'}`;
+}
+
+function drawDetail(from: ConsoleState): void {
+  const one = chosen(from);
+  if (one === null) {
+    elementOf('detail').replaceChildren(make('h1', {}, 'Nobody yet'), make('p', {},
+      'Add a participant: the program gives a pseudonym and the next order of the design. Write '
+      + 'nobody\'s name anywhere.'));
+    return;
+  }
+  // What is being typed or chosen must outlive the news of the next second.
+  const typed = document.querySelector<HTMLTextAreaElement>('#note')?.value ?? '';
+  const focused = document.activeElement?.id ?? '';
+  const wasOpen = document.querySelector<HTMLDetailsElement>('.phone-link')?.open;
+  const note = noteForm(one, typed);
+  elementOf('detail').replaceChildren(
+    make('div', { className: 'title' }, make('h1', {}, one.participant), badge(one)),
+    now(one),
+    make('div', { className: 'columns' },
+      make('div', {}, ...one.trials.map((trial) => trialCard(trial, one)), note),
+      make('div', {}, phoneCard(from, one, wasOpen ?? one.steps[0]?.state !== 'done'),
+        make('ol', { className: 'steps' }, ...stepsOf(one)))));
+  if (focused !== '') document.getElementById(focused)?.focus();
+  tick();
+}
+
+function badge(one: ParticipantLine): HTMLElement {
+  const phone = one.on_phone ? 'phone connected' : 'no phone';
+  return make('span', { className: `badge ${one.on_phone ? 'on' : ''}` }, phone);
+}
+
+/** The one thing that the experimenter does next. */
+function now(one: ParticipantLine): HTMLElement {
+  const step = one.steps.find((each) => each.key === one.current);
+  if (one.excluded !== null) {
+    return make('div', { className: 'now' }, make('h2', {}, 'Left out'), make('p', {}, one.excluded));
+  }
+  if (step === undefined) {
+    return make('div', { className: 'now' }, make('h2', {}, 'Done'),
+      make('p', {}, 'Everything is on the disk. Take the phone back.'));
+  }
+  const place = make('p', { className: 'quiet' }, placeOf(step, one));
+  const clock = make('output', { className: 'clock' });
+  if (step.began_s != null && step.state === 'running') clock.dataset['since'] = String(step.began_s);
+  const title = make('h2', {}, step.label);
+  if (step.kind === 'ask' || step.kind === 'consent') {
+    return make('div', { className: 'now' }, title, place,
+      make('p', {}, 'The participant fills this in on the phone.'));
+  }
+  const verb = step.state === 'waiting' ? 'start' : 'stop';
+  const go = make('button', { className: 'primary', type: 'button', id: 'go' },
+    verb === 'start' ? `Start ${step.label.toLowerCase()}` : `Stop ${step.label.toLowerCase()}`);
+  go.onclick = () => void order('POST', `/participants/${one.participant}/${verb}`,
+    { step: step.key }, go);
+  return make('div', { className: `now ${step.state}` }, title, place, clock, go);
+}
+
+function placeOf(step: StepLine, one: ParticipantLine): string {
+  const trial = one.trials.find((each) => step.key.startsWith(`${each.key}.`));
+  const n = one.steps.indexOf(step) + 1;
+  const where = `Step ${n} of ${one.steps.length}`;
+  return trial === undefined ? where : `${where} · ${trial.condition}, ${trial.scene}`;
+}
+
+function trialCard(trial: TrialLine, one: ParticipantLine): HTMLElement {
+  const figures: readonly (readonly [string, string])[] = [
+    ['TCT', trial.tct_s == null ? '–' : seconds(trial.tct_s)],
+    ['NCT', trial.nct_s == null ? '–' : seconds(trial.nct_s)],
+    ['Views', String(trial.captures)],
+    ['Red', percent(trial.peaked_share)],
+    ['Tracking lost', String(trial.tracking_losses)],
+  ];
+  const current = one.current?.startsWith(`${trial.key}.`) === true;
+  return make('div', { className: `card trial ${current ? 'current' : ''}` },
+    make('h2', {}, `Trial ${trial.key.slice(1)}`),
+    make('p', {}, make('b', {}, trial.condition), ` · ${trial.scene}`),
+    make('dl', {}, ...figures.map(([name, value]) =>
+      make('div', {}, make('dt', {}, name), make('dd', {}, value)))));
+}
+
+function phoneCard(from: ConsoleState, one: ParticipantLine, open: boolean): HTMLElement {
+  const links = from.phone_links.map((link) => link.replace('{participant}', one.participant));
+  const code = make('img', {
+    src: `./api/v1${CONSOLE}/participants/${one.participant}/qr.svg`, width: 168, height: 168,
+    alt: `QR code of ${links[0] ?? ''}`,
+  });
+  const card = make('details', { className: 'card phone-link' },
+    make('summary', {}, `Phone of ${one.participant}`), code,
+    ...links.map((link) => make('p', {}, make('a', { href: link, target: '_blank' }, bare(link)))));
+  card.open = open;
+  return card;
+}
+
+function stepsOf(one: ParticipantLine): HTMLElement[] {
+  return one.steps.map((step) => {
+    const again = make('button', { type: 'button', className: 'small', id: `again-${step.key}` }, 'Repeat');
+    again.title = `Do this and what came after it once more`;
+    again.onclick = () => {
+      const text = prompt(`Repeat "${step.label}" and what came after it. Why? It is recorded.`)?.trim();
+      if (text !== undefined && text !== '') {
+        void order('POST', `/participants/${one.participant}/repeat`, { step: step.key, text }, again);
+      }
+    };
+    const took = step.began_s != null && step.ended_s != null
+      ? seconds(step.ended_s - step.began_s) : '';
+    const trial = one.trials.find((each) => step.key.startsWith(`${each.key}.`));
+    const label = make('span', {}, step.label);
+    if (trial !== undefined) label.append(make('small', {}, ` trial ${trial.key.slice(1)}`));
+    return make('li', { className: step.state }, label, make('span', { className: 'took' }, took),
+      ...(step.state === 'done' && step.kind !== 'consent' ? [again] : []));
+  });
+}
+
+function noteForm(one: ParticipantLine, typed: string): HTMLElement {
+  const note = make('textarea', { id: 'note', rows: 2, value: typed });
+  const keep = make('button', { type: 'button', id: 'keep' }, 'Keep note');
+  keep.onclick = () => {
+    const text = note.value.trim();
+    if (text === '') return;
+    note.value = '';
+    void order('POST', `/participants/${one.participant}/note`, { text }, keep);
+  };
+  const out = make('button', { type: 'button', className: 'small' }, 'Leave out of the study');
+  out.onclick = () => {
+    const text = prompt(`Leave ${one.participant} out of the analysis. Why? It is recorded.`)?.trim();
+    if (text !== undefined && text !== '') {
+      void order('POST', `/participants/${one.participant}/exclude`, { text }, out);
+    }
+  };
+  return make('div', { className: 'card' },
+    make('label', { htmlFor: 'note' }, 'Note (no names)'), note,
+    make('div', { className: 'row' }, keep, ...(one.excluded === null ? [out] : [])),
+    make('ul', {}, ...one.notes.map((text) => make('li', {}, text))),
+    make('p', { className: 'quiet' }, one.images ? 'Photos may be kept.'
+      : 'Photos are deleted after each trial.'));
+}
+
+async function order(
+  method: string, path: string, json: object | undefined, button: HTMLButtonElement,
+): Promise<unknown> {
+  button.disabled = true;
+  try {
+    return await api.ask(method, CONSOLE + path, json);
+  } catch (error) {
+    const said = error instanceof ApiError ? error.problem : String(error);
+    elementOf('remarks').replaceChildren(make('p', { role: 'alert' }, said));
+    return null;
+  } finally {
+    button.disabled = false;
+  }
+}
+
+/** Clocks run on; nothing else changes without news. */
+function tick(): void {
+  for (const clock of document.querySelectorAll<HTMLElement>('[data-since]')) {
+    clock.textContent = seconds(Math.max(0, Date.now() / 1000 - Number(clock.dataset['since'])));
+  }
+}
+
+function seconds(s: number): string {
+  const whole = Math.round(s);
+  return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
+}
+
+/** Without its secret, which need not be read by those who look over the shoulder. */
+function bare(link: string): string {
+  return link.split('#')[0] ?? link;
+}
+
+function elementOf(id: string): HTMLElement {
+  const element = document.getElementById(id);
+  if (element === null) throw new Error(`the page has no element #${id}`);
+  return element;
+}
+
+main().catch((error: unknown) => {
+  elementOf('detail').replaceChildren(make('p', { role: 'alert' },
+    error instanceof Error ? error.message : String(error)));
+});

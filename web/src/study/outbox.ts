@@ -1,0 +1,72 @@
+/**
+ * What happened during a capture, on this device until the server has it. Every event has an id, so
+ * sending again is always right; the server keeps each once.
+ */
+
+import { ApiError } from '../server/api';
+import type { Told } from './wire';
+
+const EVERY_MS = 1000;
+const MOST_AT_ONCE = 200;
+
+export class Outbox {
+  #events: Told[];
+  #sending: Promise<void> | null = null;
+
+  /** @param send Resolves when the server has them on its disk. */
+  constructor(
+    readonly key: string,
+    readonly send: (events: readonly Told[]) => Promise<unknown>,
+    readonly storage: Pick<Storage, 'getItem' | 'setItem'> = localStorage,
+  ) {
+    this.#events = stored(storage.getItem(key));
+  }
+
+  get waiting(): number {
+    return this.#events.length;
+  }
+
+  /** Send about once a second, for as long as the page is there. */
+  start(): void {
+    setInterval(() => void this.flush().catch(() => undefined), EVERY_MS);
+  }
+
+  put(event: Told): void {
+    this.#events.push(event);
+    this.#store();
+  }
+
+  /** Send all that waits. @throws ApiError when the server cannot be reached. */
+  async flush(): Promise<void> {
+    while (this.#events.length > 0) {
+      this.#sending ??= this.#sendSome().finally(() => { this.#sending = null; });
+      await this.#sending;
+    }
+  }
+
+  async #sendSome(): Promise<void> {
+    const some = this.#events.slice(0, MOST_AT_ONCE);
+    try {
+      await this.send(some);
+    } catch (error) {
+      // What the server will never take must not keep the rest from it.
+      const refused = error instanceof ApiError && [400, 413, 422].includes(error.status);
+      if (!refused) throw error;
+      console.error('the server refused events', error.problem, some);
+    }
+    this.#events = this.#events.slice(some.length);
+    this.#store();
+  }
+
+  #store(): void {
+    this.storage.setItem(this.key, JSON.stringify(this.#events));
+  }
+}
+
+function stored(text: string | null): Told[] {
+  try {
+    return text === null ? [] : JSON.parse(text) as Told[];
+  } catch {
+    return [];
+  }
+}
