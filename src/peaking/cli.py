@@ -23,6 +23,7 @@ from peaking.commands import (
     serve,
     splat,
     weights,
+    study,
 )
 from peaking.errors import PeakingError
 
@@ -31,6 +32,7 @@ DESCRIPTION = """See in red, while you photograph, which pixels view synthesis s
 Examples:
   peaking demo
   peaking serve ~/captures
+  peaking study init study
   peaking replay scenes/desk --out out/desk
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking generate scenes/desk --frame 0 --out view.mpi
@@ -64,6 +66,7 @@ def _subcommand(name: str, command: type[Command]) -> Any:
 Commands = (
     Annotated[demo.Demo, _subcommand("demo", demo.Demo)]
     | Annotated[serve.Serve, _subcommand("serve", serve.Serve)]
+    | Annotated[study.Study, _subcommand("study", study.Study)]
     | Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
     | Annotated[plan.Plan, _subcommand("plan", plan.Plan)]
     | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]

@@ -1,0 +1,42 @@
+"""`peaking study`: the commands of user studies."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import tyro
+
+from peaking.commands import study_init, study_privacy, study_serve
+
+
+def _subcommand(name: str, command: type) -> Any:
+    return tyro.conf.subcommand(name, description=inspect.getdoc(command))
+
+
+StudyCommands = (
+    Annotated[study_init.Init, _subcommand("init", study_init.Init)]
+    | Annotated[study_serve.ServeStudy, _subcommand("serve", study_serve.ServeStudy)]
+    | Annotated[study_privacy.Export, _subcommand("export", study_privacy.Export)]
+    | Annotated[study_privacy.Erase, _subcommand("erase", study_privacy.Erase)]
+)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Run a user study of ways to photograph, from the protocol to the participant's data.
+
+    Examples:
+      peaking study init study          # then read and edit study/protocol.toml
+      peaking study serve study         # prints the links of the console and of the phones
+      peaking study export study P01 --out P01.zip
+      peaking study erase study P01
+    """
+
+    command: tyro.conf.OmitSubcommandPrefixes[StudyCommands]
+    """What to do."""
+
+    def run(self) -> None:
+        """Do it."""
+        self.command.run()

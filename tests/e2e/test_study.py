@@ -1,0 +1,254 @@
+"""A whole participant of a study in a real browser, with the server killed in the middle."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page
+
+from e2e.virtual_phone_page import ARTEFACTS, PATIENCE_MS, moved
+from live_server import LiveServer, chromium
+from peaking.study.measures import measures_of
+from peaking.study.protocol import FILE_NAME
+from peaking.study.tables import Study, read_study
+
+PROTOCOL = """
+version = 1
+title = "Two ways to photograph a desk"
+design = "within"
+order = "ab-ba"
+planned_participants = 2
+seed = 1
+consent = "You photograph a desk twice.\\n\\nYour name is recorded nowhere."
+conditions = [
+  { name = "free", label = "No guidance", overlay = "none" },
+  { name = "peaking", label = "Error peaking", overlay = "peaks" },
+]
+scenes = [{ name = "desk", label = "Desk" }]
+[tasks]
+introduction = "The experimenter explains what happens."
+[ask]
+at_start = ["demographics"]
+after_capture = ["paper_before"]
+after_review = ["paper_after", "sus", "nasa_tlx"]
+at_end = ["comments"]
+"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Generator[Browser, None, None]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def phone(browser: Browser) -> Generator[BrowserContext, None, None]:
+    context = browser.new_context(
+        viewport={"width": 412, "height": 915}, has_touch=True, is_mobile=True
+    )
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / FILE_NAME).write_text(PROTOCOL)
+    server = LiveServer(folder, command=("study", "serve", "--local")).start()
+    yield server
+    server.stop()
+
+
+def picture(page: Page, name: str, *, whole: bool = True) -> None:
+    ARTEFACTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=ARTEFACTS / f"study-{name}.png", full_page=whole)
+
+
+def open_page(context: BrowserContext, address: str, problems: list[str]) -> Page:
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(address, wait_until="commit")
+    return page
+
+
+def press(console: Page, verb: str, what: str) -> None:
+    console.get_by_role("button", name=f"{verb} {what}", exact=True).click()
+
+
+def pick(page: Page, answers: dict[str, str]) -> None:
+    """Answer items of the form that is shown: a point of a scale, or a choice."""
+    for item, value in answers.items():
+        page.locator(f"#{item}-{value}").check(force=True)
+
+
+def hand_in(page: Page) -> None:
+    page.get_by_role("button", name="Hand in").click()
+
+
+def heading(page: Page, text: str) -> None:
+    page.get_by_role("heading", name=text).wait_for()
+
+
+def wait_for(page: Page, holds: str, argument: object = None) -> None:
+    """Wait until a function of the page returns true; pages may come and go meanwhile."""
+    until = time.monotonic() + PATIENCE_MS / 1e3
+    while time.monotonic() < until:
+        try:
+            if page.evaluate(holds, argument) is True:
+                return
+        except Exception:  # the page was just left
+            pass
+        page.wait_for_timeout(100)
+    pytest.fail(f"waited in vain: {holds}")
+
+
+def shoot(page: Page, views: int) -> None:
+    wait_for(page, "() => window.peaking?.canShoot() === true")
+    page.get_by_role("button", name="Take a view").click()
+    wait_for(
+        page,
+        "n => window.peaking.timeline().filter(c => c.times.drawn !== undefined).length >= n",
+        views,
+    )
+
+
+def fill_tlx(page: Page) -> None:
+    heading(page, "How it was to do the task")
+    for scale in ("mental", "physical", "temporal", "performance", "effort", "frustration"):
+        page.locator(f"#{scale}").press("ArrowRight")
+    names = page.locator("fieldset input[type=radio]").evaluate_all(
+        "radios => [...new Set(radios.map(r => r.name))]"
+    )
+    for name in names:
+        page.locator(f"input[name={name}]").first.check(force=True)
+    picture(page, "8-tlx")
+    hand_in(page)
+
+
+def read(server: LiveServer) -> Study:
+    return read_study(server.sessions)
+
+
+def test_a_whole_participant(browser: Browser, phone: BrowserContext, server: LiveServer) -> None:
+    problems: list[str] = []
+    desktop = browser.new_context(viewport={"width": 1280, "height": 860})
+    console = open_page(desktop, f"{server.address}/study", problems)
+    console.get_by_role("button", name="Add participant").click()
+    console.get_by_role("heading", name="P01").wait_for()
+    page = open_page(
+        phone, f"{server.address}/participant?participant=P01&source=virtual", problems
+    )
+
+    heading(page, "Before we begin")
+    picture(page, "1-consent")
+    page.get_by_role("button", name="Continue").click()
+    heading(page, "Something is missing")
+    picture(page, "2-consent-incomplete")
+    pick(page, {"agreed": "yes", "images": "yes"})
+    page.get_by_role("button", name="Continue").click()
+
+    # Half filled in, reloaded, and filled in to the end; the server is killed in between.
+    heading(page, "About you")
+    page.locator("#age").fill("27")
+    pick(page, {"hand": "right", "vision": "normal"})
+    page.get_by_text("Saved", exact=True).wait_for()
+    server.kill()
+    pick(page, {"red_green": "no"})
+    server.start()
+    page.reload()
+    heading(page, "About you")
+    assert page.locator("#age").input_value() == "27"
+    assert page.locator("#red_green-no").is_checked()
+    hand_in(page)
+    heading(page, "Something is missing")
+    picture(page, "3-demographics-incomplete")
+    pick(page, {"ar": "3", "photography": "2"})
+    hand_in(page)
+
+    heading(page, "Introduction")
+    picture(page, "4-waiting", whole=False)
+    press(console, "Start", "introduction")
+    picture(console, "console-1")
+    press(console, "Stop", "introduction")
+
+    for trial in ("t1", "t2"):
+        red = read(server).participants[0].trials[int(trial[1]) - 1].trial.condition == "peaking"
+        press(console, "Start", "capture")
+        page.get_by_role("link", name="Open the camera").click()
+        shoot(page, 1)
+        if trial == "t1":
+            server.kill()  # the phone goes on, and tells later
+        page.evaluate("pose => window.peaking.phone.setPose(pose)", moved(x_m=0.3))
+        page.wait_for_timeout(600)
+        assert page.get_by_text("red", exact=True).is_visible() == red
+        picture(page, f"5-capture-{'red' if red else 'free'}", whole=False)
+        if trial == "t1":
+            server.start()
+        shoot(page, 2)
+        if trial == "t2":
+            page.reload()
+            wait_for(page, "() => window.peaking?.views().length === 2")
+            wait_for(page, "() => window.peaking?.canShoot() === true")
+        picture(console, f"console-2-{trial}")
+        page.get_by_role("button", name="Finish the session").click()
+        picture(page, f"5-finish-{trial}", whole=False)
+        page.locator(".study-sheet .primary").click()
+        heading(page, "Before you see the result")
+        picture(page, "6-over-the-camera", whole=False)
+        pick(page, {"s_conf": "6", "scene_focus": "5"})
+        hand_in(page)
+        press(console, "Start", "review")
+        wait_for(page, "() => document.querySelector('.study-sheet').hidden")
+        assert not page.get_by_role("button", name="Take a view").is_visible()
+        picture(page, f"7-review-{trial}", whole=False)
+        page.get_by_role("button", name="Finish the session").click()
+        heading(page, "Now that you have seen the result")
+        pick(page, {"satis": "6"})
+        hand_in(page)
+        heading(page, "Using the system")
+        pick(page, {f"q{i}": "4" if i % 2 else "2" for i in range(1, 11)})
+        picture(page, "7-sus")
+        page.get_by_role("button", name="Hand in").dblclick()
+        fill_tlx(page)
+
+    heading(page, "In your own words")
+    page.locator("#liked").fill("The red.")
+    hand_in(page)
+    heading(page, "Thank you")
+    picture(page, "9-thanks", whole=False)
+    console.get_by_text("Everything is on the disk").wait_for()
+    picture(console, "console-3")
+    desktop.close()
+
+    study = read(server)
+    (participant,) = study.counting
+    assert participant.answers["demographics"]["age"] == 27
+    assert participant.answers["comments"]["liked"] == "The red."
+    for trial in participant.trials:
+        found = measures_of(trial, study.protocol)
+        assert found["captures"] == 2
+        assert found["sus"] == 75.0
+        assert found["s_conf"] == 6
+        assert found["satis"] == 6
+        assert found["tlx_raw"] == 55.0
+        assert found["tlx_weighted"] == 55.0
+        tct_s, nct_s, waiting_s = found["tct_s"], found["nct_s"], found["waiting_s"]
+        assert tct_s is not None
+        assert nct_s is not None
+        assert waiting_s is not None
+        assert 0 < nct_s <= tct_s < PATIENCE_MS / 1e3
+        assert (waiting_s > 0) == (trial.trial.condition == "peaking")
+        assert found["peaked_last"] is not None
+    second = measures_of(participant.trials[1], study.protocol)
+    assert (second["interrupted_s"] or 0) > 0
+    lines = (server.sessions / "participants" / "P01" / "events.jsonl").read_text().splitlines()
+    kinds = [json.loads(line)["type"] for line in lines]
+    assert kinds.count("Answered") == 1 + 2 * 4 + 1
+    assert kinds.count("CaptureBegun") == 2
+    assert problems == []
