@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -150,3 +155,17 @@ def test_a_scale_of_somebody_else_s_items_is_refused() -> None:
     items = [Item(id="a", text="a", kind="scale")]
     own = Questionnaire(name="own", title="Own", items=items, scoring="sus")
     assert "needs the items q1" in (check_questionnaire(own) or "")
+
+
+FIXTURE = Path(__file__).parents[2] / "web" / "fixtures" / "study_answers.json"
+SHARED: dict[str, Any] = json.loads(FIXTURE.read_text())
+
+
+@pytest.mark.parametrize(("name", "answer", "expected"), SHARED["cases"])
+def test_both_languages_find_the_same_answers_wrong(
+    name: str, answer: Answer, expected: str | None
+) -> None:
+    """The client reads the same file: web/tests/study/answer_rules.test.ts."""
+    item = msgspec.convert(SHARED["items"][name], Item)
+    form = Questionnaire(name="form", title="Form", items=[item])
+    assert problems(form, {name: answer}).get(name) == expected

@@ -121,7 +121,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayShoot ?? true),
       sessionName: name,
     });
-    study?.see();
+    study?.see(null);
     if (camera !== null && seen?.peakedShare != null) {
       session.reportPeaked({
         time_s: Date.now() / 1000,

@@ -51,7 +51,9 @@ class ServeStudy:
         from peaking.server.study.app import StudyConfig, create_study_app
         from peaking.server.study.open_study import OpenStudy
         from peaking.study.privacy import held
+        from peaking.study.protocol import load_protocol
 
+        load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
             study = OpenStudy(self.folder)
             plain = self.local or self.adb

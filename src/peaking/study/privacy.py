@@ -101,8 +101,8 @@ def erase_participant(study: Path, participant: str) -> None:
     Raises:
         StudyError: There is no such participant, or the study is being served.
     """
+    record = _record(study, participant)
     with held(study):
-        record = _record(study, participant)
         gone = msgspec.json.encode({"participant": participant, "at_s": time.time()}) + b"\n"
         with (study / ERASED).open("ab") as file:
             file.write(gone)

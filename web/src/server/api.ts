@@ -19,7 +19,7 @@ export class ApiError extends Error {
     readonly problem: string,
     /** The server's `Retry-After`, seconds. */
     readonly retryAfter_s: number | null = null,
-    /** The answer's text, for those who know more of its fields. */
+    /** The answer's text when it was 422: for those who know more of its fields. */
     readonly body = '',
   ) {
     super(problem);
@@ -306,7 +306,8 @@ async function refusal(response: Response): Promise<ApiError> {
   const text = await response.text().catch(() => '');
   const retryAfter_s = Number.parseFloat(response.headers.get('Retry-After') ?? '');
   return new ApiError(response.status, problemIn(text) ?? sentenceOf(response.status),
-    Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null, text);
+    Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null,
+    response.status === 422 ? text : '');
 }
 
 function problemIn(text: string): string | null {

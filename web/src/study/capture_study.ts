@@ -64,7 +64,7 @@ export class StudyCapture implements StudyHud {
   }
 
   get showsRed(): boolean {
-    return this.#step.capture?.overlay === 'peaks';
+    return this.#step.capture?.overlay === 'peaks' && this.#step.kind !== 'review';
   }
 
   get finishLabel(): string {
@@ -86,9 +86,6 @@ export class StudyCapture implements StudyHud {
     overlay.append(this.#sheet);
     this.#outbox.start();
     session.subscribe(({ views }) => this.#record?.follow(views, now_s()));
-    window.addEventListener('peaking:guide', (event) => {
-      if (event instanceof CustomEvent) this.#hearGuide(event.detail as GuideNews);
-    });
     this.#show(this.#step);
     void this.api.follow({
       onEvent: (state) => this.#follow(state),
@@ -96,8 +93,9 @@ export class StudyCapture implements StudyHud {
     }, new AbortController().signal);
   }
 
-  /** For every frame. */
-  see(): void {
+  /** For every frame. @param guide What the guide says, when there is one. */
+  see(guide: GuideNews | null): void {
+    if (guide !== null) this.#hearGuide(guide);
     const live = this.#live;
     if (live === null || this.#record === null) return;
     const { seen, hindrance, camera } = live.state;

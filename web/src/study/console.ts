@@ -108,7 +108,7 @@ function now(one: ParticipantLine): HTMLElement {
     return make('div', { className: 'now' }, make('h2', {}, 'Left out'), make('p', {}, one.excluded));
   }
   if (step === undefined) {
-    return make('div', { className: 'now' }, make('h2', {}, 'Done'),
+    return make('div', { className: 'now running' }, make('h2', {}, 'Done'),
       make('p', {}, 'Everything is on the disk. Take the phone back.'));
   }
   const place = make('p', { className: 'quiet' }, placeOf(step, one));

@@ -70,6 +70,7 @@ export class Hud {
   readonly #count = button('pill', '0 views', 'List of views', () => this.#open('views'));
   readonly #shutter = button('shutter', '', 'Take a view (space)', () => this.#shoot());
   readonly #finish = button('pill', 'Finish', 'Finish the session', () => this.#open('finish'));
+  readonly #red: readonly HTMLElement[];
   readonly #flash = make('div', { className: 'flash' });
   readonly #replay: ReplayControls | null;
   readonly #scrub = make('input', { type: 'range', min: '0', step: '1', value: '0' });
@@ -110,11 +111,8 @@ export class Hud {
         make('div', { className: 'side' }, this.#finish)));
     root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
       this.#coachBox, bottom);
-    if (study !== null) {
-      show(tools, false);
-      show(meter, study.showsRed);
-      show(looks, study.showsRed);
-    }
+    this.#red = [meter, looks];
+    show(tools, study === null);
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
@@ -137,6 +135,7 @@ export class Hud {
     }
     if (this.study !== null) {
       say(this.#finish, this.study.finishLabel);
+      for (const each of this.#red) show(each, this.study.showsRed);
       this.#shutter.classList.toggle('away', !this.study.mayShoot);
       show(this.#count, this.study.mayShoot);
       show(this.#strip, this.study.mayShoot);
