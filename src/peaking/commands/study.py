@@ -8,7 +8,13 @@ from typing import Annotated, Any
 
 import tyro
 
-from peaking.commands import study_init, study_privacy, study_serve
+from peaking.commands import (
+    study_analyse,
+    study_init,
+    study_privacy,
+    study_serve,
+    study_simulate,
+)
 
 
 def _subcommand(name: str, command: type) -> Any:
@@ -18,6 +24,8 @@ def _subcommand(name: str, command: type) -> Any:
 StudyCommands = (
     Annotated[study_init.Init, _subcommand("init", study_init.Init)]
     | Annotated[study_serve.ServeStudy, _subcommand("serve", study_serve.ServeStudy)]
+    | Annotated[study_analyse.Analyse, _subcommand("analyse", study_analyse.Analyse)]
+    | Annotated[study_simulate.Simulate, _subcommand("simulate", study_simulate.Simulate)]
     | Annotated[study_privacy.Export, _subcommand("export", study_privacy.Export)]
     | Annotated[study_privacy.Erase, _subcommand("erase", study_privacy.Erase)]
 )
@@ -30,6 +38,8 @@ class Study:
     Examples:
       peaking study init study          # then read and edit study/protocol.toml
       peaking study serve study         # prints the links of the console and of the phones
+      peaking study analyse study --out results
+      peaking study simulate --participants 20 --seed 1 --out simulated
       peaking study export study P01 --out P01.zip
       peaking study erase study P01
     """
