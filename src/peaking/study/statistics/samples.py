@@ -31,7 +31,8 @@ def differences(
     check_finite(second)
     if first.shape != second.shape:
         raise ValueError(f"need pairs, got {len(first)} and {len(second)} numbers")
-    return rounded(first - second, scale=max(np.abs(first).max(), np.abs(second).max(), 0.0))
+    largest = float(np.abs(np.concatenate((first, second))).max(initial=0.0))
+    return rounded(first - second, scale=largest)
 
 
 def rounded(values: Float64[np.ndarray, "..."], *, scale: float) -> Float64[np.ndarray, "..."]:
