@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from e2e.virtual_phone_page import ARTEFACTS, PATIENCE_MS, moved
 from live_server import LiveServer, chromium
+from peaking.cli import main
 from peaking.study.measures import measures_of
 from peaking.study.protocol import FILE_NAME
 from peaking.study.tables import Study, read_study
@@ -135,7 +136,9 @@ def read(server: LiveServer) -> Study:
     return read_study(server.sessions)
 
 
-def test_a_whole_participant(browser: Browser, phone: BrowserContext, server: LiveServer) -> None:
+def test_a_whole_participant(
+    browser: Browser, phone: BrowserContext, server: LiveServer, tmp_path: Path
+) -> None:
     problems: list[str] = []
     desktop = browser.new_context(viewport={"width": 1280, "height": 860})
     console = open_page(desktop, f"{server.address}/study", problems)
@@ -168,10 +171,19 @@ def test_a_whole_participant(browser: Browser, phone: BrowserContext, server: Li
     hand_in(page)
     heading(page, "Something is missing")
     picture(page, "3-demographics-incomplete")
-    pick(page, {"ar": "3", "photography": "2"})
+    # A second tab has what the first one has, and does not undo it.
+    tab = open_page(phone, page.url, problems)
+    heading(tab, "About you")
+    assert tab.locator("#age").input_value() == "27"
+    pick(tab, {"ar": "3"})
+    tab.get_by_text("Saved", exact=True).wait_for()
+    wait_for(page, "() => document.querySelector('#ar-3').checked")
+    pick(page, {"photography": "2"})
     hand_in(page)
 
     heading(page, "Introduction")
+    heading(tab, "Introduction")
+    tab.close()
     picture(page, "4-waiting", whole=False)
     press(console, "Start", "introduction")
     picture(console, "console-1")
@@ -252,3 +264,6 @@ def test_a_whole_participant(browser: Browser, phone: BrowserContext, server: Li
     assert kinds.count("Answered") == 1 + 2 * 4 + 1
     assert kinds.count("CaptureBegun") == 2
     assert problems == []
+
+    main(["study", "analyse", str(server.sessions), "--out", str(tmp_path / "results")])
+    assert (tmp_path / "results" / "report.html").is_file()

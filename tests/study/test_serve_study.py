@@ -79,6 +79,10 @@ def told(kind: str, name: str, time_s: float, **more: object) -> dict[str, objec
     return {"kind": kind, "id": name, "step": step_key, "time_s": time_s, **more}
 
 
+def told_by(events: list[dict[str, object]], session: str = SESSION) -> dict[str, object]:
+    return {"session": session, "events": events}
+
+
 step_key = "t1.capture"
 
 
@@ -163,12 +167,12 @@ def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path
         told("PeakedTold", "p", 13.0, peaked_share=0.5, missing_share=0.0, views=1),
     ]
     for _ in range(2):
-        assert client.post(f"{P01}/told", json={"events": events}).status_code == 204
+        assert client.post(f"{P01}/told", json=told_by(events)).status_code == 204
     unknown = [{**events[0], "id": "x", "step": "t9.capture"}]
-    assert client.post(f"{P01}/told", json={"events": unknown}).status_code == 204
+    assert client.post(f"{P01}/told", json=told_by(unknown)).status_code == 204
     half = [{**events[2], "id": "y", "peaked_share": None}]
-    assert client.post(f"{P01}/told", json={"events": half}).status_code == 409
-    assert client.post(f"{P01}/told", json={"events": [{"kind": "x"}]}).status_code == 400
+    assert client.post(f"{P01}/told", json=told_by(half)).status_code == 409
+    assert client.post(f"{P01}/told", json=told_by([{"kind": "x"}])).status_code == 400
     lines = log_of(study, "P01").path.read_text().splitlines()
     assert sum('"id":' in line for line in lines) == 3
 
@@ -194,6 +198,26 @@ def test_a_step_is_repeated_with_all_that_came_after(client: TestClient, study: 
     assert client.post(path, json={"step": "t1.capture", "text": "a call"}).status_code == 200
     assert step(client) == "t1.capture"
     assert read_participants(study)[0].trials[0].answers == {}
+
+
+def test_what_a_phone_tells_late_of_a_repeated_step_does_not_count(
+    client: TestClient, study: Path
+) -> None:
+    consent(client)
+    if step(client) == "t1.scan":
+        do_phase(client, "t1.scan")
+    order(client, "start", step_key)
+    client.post(f"{P01}/session", json={"step": step_key, "session": SESSION})
+    again = {"step": step_key, "text": "a call"}
+    client.post(f"{CONSOLE}/participants/P01/repeat", json=again)
+    order(client, "start", step_key)
+    late = told_by([told("CaptureBegun", "late", 10.0)])
+    assert client.post(f"{P01}/told", json=late).status_code == 204
+    new = told_by([told("CaptureBegun", "new", 20.0)], SESSION.replace("1", "2"))
+    assert client.post(f"{P01}/told", json=new).status_code == 204
+    text = log_of(study, "P01").path.read_text()
+    assert '"id":"new"' in text
+    assert '"id":"late"' not in text
 
 
 def test_who_is_left_out_gives_the_place_to_the_next(client: TestClient, study: Path) -> None:

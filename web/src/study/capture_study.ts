@@ -12,7 +12,7 @@ import { make } from '../ui/dom';
 import type { StudyHud } from '../ui/hud';
 import { CaptureRecord } from './capture_record';
 import { paragraphs } from './form';
-import { Outbox } from './outbox';
+import { outboxOf, sendLeftovers, type Outbox } from './outbox';
 import { persist, stepForm } from './step_form';
 import { fill, ParticipantApi, type Texts } from './study_api';
 import type { ParticipantState, ShownStep } from './wire';
@@ -39,8 +39,8 @@ export class StudyCapture implements StudyHud {
     step: ShownStep, readonly query: URLSearchParams,
   ) {
     this.#step = step;
-    this.#outbox = new Outbox(`peaking.study.outbox.${api.participant}`,
-      (events) => api.tell(events));
+    sendLeftovers(api, sessionId);
+    this.#outbox = outboxOf(api, sessionId);
   }
 
   /** @returns null on a page that is no part of a study. */

@@ -4,6 +4,7 @@
  */
 
 import { ApiError } from '../server/api';
+import type { ParticipantApi } from './study_api';
 import type { Told } from './wire';
 
 const EVERY_MS = 1000;
@@ -17,7 +18,7 @@ export class Outbox {
   constructor(
     readonly key: string,
     readonly send: (events: readonly Told[]) => Promise<unknown>,
-    readonly storage: Pick<Storage, 'getItem' | 'setItem'> = localStorage,
+    readonly storage: Pick<Storage, 'getItem' | 'setItem' | 'removeItem'> = localStorage,
   ) {
     this.#events = stored(storage.getItem(key));
   }
@@ -59,8 +60,26 @@ export class Outbox {
   }
 
   #store(): void {
-    this.storage.setItem(this.key, JSON.stringify(this.#events));
+    if (this.#events.length === 0) this.storage.removeItem(this.key);
+    else this.storage.setItem(this.key, JSON.stringify(this.#events));
   }
+}
+
+/** The outbox of a capture session of a participant. */
+export function outboxOf(study: ParticipantApi, session: string): Outbox {
+  return new Outbox(prefixOf(study) + session, (events) => study.tell(session, events));
+}
+
+/** Send what earlier pages of this participant could not; `own` is a session that has its outbox. */
+export function sendLeftovers(study: ParticipantApi, own: string | null = null): void {
+  const prefix = prefixOf(study);
+  for (const key of Object.keys(localStorage)) {
+    if (key.startsWith(prefix) && key !== prefix + own) outboxOf(study, key.slice(prefix.length)).start();
+  }
+}
+
+function prefixOf(study: ParticipantApi): string {
+  return `peaking.study.outbox.${study.participant}.`;
 }
 
 function stored(text: string | null): Told[] {

@@ -4,6 +4,7 @@ import { Api } from '../server/api';
 import { make } from '../ui/dom';
 import type { DraftKeeper, Keeping } from './draft_keeper';
 import { paragraphs, QuestionForm } from './form';
+import { sendLeftovers } from './outbox';
 import { persist, stepForm } from './step_form';
 import { fill, ParticipantApi, type Texts } from './study_api';
 import type { ParticipantState, Questionnaire, ShownStep } from './wire';
@@ -21,6 +22,7 @@ async function main(): Promise<void> {
   const participant = query.get('participant');
   const study = new ParticipantApi(api, participant ?? '');
   const texts = await study.texts();
+  if (participant !== null) sendLeftovers(study);
   if (participant === null) {
     calm(texts['no_participant_title'], texts['no_participant_text']);
     return;

@@ -53,8 +53,8 @@ export class ParticipantApi {
     return this.#ask('POST', `${this.#path}/session`, begun);
   }
 
-  async tell(events: readonly Told[]): Promise<void> {
-    const json: ToldEvents = { events };
+  async tell(session: string, events: readonly Told[]): Promise<void> {
+    const json: ToldEvents = { session, events };
     await this.api.ask('POST', `${this.#path}/told`, json);
   }
 

@@ -120,6 +120,7 @@ export interface Told {
 
 /** POST …/told. */
 export interface ToldEvents {
+  readonly session: string;
   readonly events: readonly Told[];
 }
 

@@ -109,7 +109,7 @@ class _Handlers:
     async def told(self, request: Request) -> Response:
         participant = self._participant(request)
         told = await _json(request, wire.ToldEvents)
-        await run_in_threadpool(participant.tell, told.events)
+        await run_in_threadpool(participant.tell, told.events, session=told.session)
         self._tell_console()
         return Response(status_code=204)
 

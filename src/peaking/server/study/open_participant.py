@@ -233,10 +233,13 @@ class OpenParticipant:
                     records.SessionLinked(self._clock(), step=begun.step, session=begun.session)
                 )
 
-    def tell(self, told: Sequence[wire.Told]) -> None:
-        """Keep what happened on the phone, each event once; it may come late, from any step."""
+    def tell(self, told: Sequence[wire.Told], *, session: str) -> None:
+        """Keep what happened on the phone, each event once; it may come late, from any step.
+
+        Not kept is what comes after its step was begun anew: it belongs to what does not count.
+        """
         with self.lock:
-            known = {step.key for step in self.steps}
+            known = {step.key for step in self.steps} - self._repeated_since(session)
             new = {e.id: e for e in told if e.id not in self._told and e.step in known}
             if new:
                 at_s = self._clock()
@@ -273,6 +276,16 @@ class OpenParticipant:
             return step in keys and self.states[keys.index(step)] == "done"
 
     # Inside
+
+    def _repeated_since(self, session: str) -> set[str]:
+        """Return the steps that were repeated after a capture session was begun."""
+        linked = [
+            index
+            for index, event in enumerate(self.events)
+            if isinstance(event, records.SessionLinked) and event.session == session
+        ]
+        later = self.events[linked[-1] :] if linked else []
+        return {event.step for event in later if isinstance(event, records.StepRepeated)}
 
     def _check_trials(self, study: Path) -> None:
         conditions = {condition.name for condition in self.protocol.conditions}

@@ -145,6 +145,8 @@ class Told(Struct, frozen=True):
 class ToldEvents(Struct, frozen=True):
     """POST …/told."""
 
+    session: Annotated[str, Meta(max_length=64)]
+    """The capture session of the page that tells."""
     events: Annotated[list[Told], Meta(max_length=1000)]
 
 
