@@ -111,7 +111,7 @@ def wait_for(page: Page, holds: str, argument: object = None) -> None:
 
 def shoot(page: Page, views: int) -> None:
     wait_for(page, "() => window.peaking?.canShoot() === true")
-    page.get_by_role("button", name="Take a view").click()
+    page.get_by_role("button", name="Take a view (space)").click()
     wait_for(
         page,
         "n => window.peaking.timeline().filter(c => c.times.drawn !== undefined).length >= n",
@@ -217,7 +217,7 @@ def test_a_whole_participant(
         hand_in(page)
         press(console, "Start", "review")
         wait_for(page, "() => document.querySelector('.study-sheet').hidden")
-        assert not page.get_by_role("button", name="Take a view").is_visible()
+        assert not page.get_by_role("button", name="Take a view (space)").is_visible()
         picture(page, f"7-review-{trial}", whole=False)
         page.get_by_role("button", name="Finish the session").click()
         heading(page, "Now that you have seen the result")

@@ -87,7 +87,9 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
-  const shoot = (): void => live.shoot(() => { problem = null; hud.confirm(); });
+  const shoot = (): void => {
+    if (study?.mayShoot !== false) live.shoot(() => { problem = null; hud.confirm(); });
+  };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
   const hud = new Hud(overlay, {
@@ -118,7 +120,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       peakedShare: seen?.peakedShare ?? null,
       views,
       notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
-      canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayShoot ?? true),
+      canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayPress ?? true),
       sessionName: name,
     });
     study?.see(null);

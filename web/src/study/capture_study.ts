@@ -75,6 +75,16 @@ export class StudyCapture implements StudyHud {
     return this.#step.running && ['practice', 'capture'].includes(this.#step.kind);
   }
 
+  /** The shutter does something: it takes views, or ends a guide's scan. */
+  get mayPress(): boolean {
+    return this.mayShoot || (this.#step.running && this.#step.kind === 'scan');
+  }
+
+  /** A guide may draw its marks. */
+  get guiding(): boolean {
+    return this.#step.kind !== 'review';
+  }
+
   get busy(): boolean {
     return !this.#sheet.hidden;
   }
@@ -165,6 +175,7 @@ export class StudyCapture implements StudyHud {
     if (key === this.#shown) return;
     this.#shown = key;
     if (this.#live !== null) this.#live.look = this.#lookOf(step, this.#live.look);
+    document.body.classList.toggle('reviewing', step.kind === 'review');
     this.#recordStep(step);
     if (step.kind === 'ask') {
       const { form } = stepForm(this.api, step, this.texts, {

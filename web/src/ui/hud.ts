@@ -39,6 +39,8 @@ export interface StudyHud {
   readonly finishLabel: string;
   /** Views may be taken, and taken back. */
   readonly mayShoot: boolean;
+  /** The shutter does something. */
+  readonly mayPress: boolean;
   /** Something lies over the picture: keys are not for it. */
   readonly busy: boolean;
   finish(): void;
@@ -136,7 +138,7 @@ export class Hud {
     if (this.study !== null) {
       say(this.#finish, this.study.finishLabel);
       for (const each of this.#red) show(each, this.study.showsRed);
-      this.#shutter.classList.toggle('away', !this.study.mayShoot);
+      this.#shutter.classList.toggle('away', !this.study.mayPress);
       show(this.#count, this.study.mayShoot);
       show(this.#strip, this.study.mayShoot);
     }
