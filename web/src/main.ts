@@ -78,7 +78,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     api,
     db: await CaptureDb.open(),
     source: choice.kind,
-    name: nameOf(choice),
+    name: study?.sessionName ?? nameOf(choice),
     device: navigator.userAgent.slice(0, 400),
     sessionId: study?.sessionId ?? query.get('session'),
     resume: study === null && choice.kind !== 'webxr',

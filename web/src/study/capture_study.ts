@@ -63,6 +63,11 @@ export class StudyCapture implements StudyHud {
     return new StudyCapture(own, texts, id, step, query);
   }
 
+  /** Of the capture session, for whoever looks through the photos later. */
+  get sessionName(): string {
+    return `${this.api.participant} ${this.#step.key}`;
+  }
+
   get showsRed(): boolean {
     return this.#step.capture?.overlay === 'peaks' && this.#step.kind !== 'review';
   }

@@ -8,15 +8,18 @@ import type { ConsoleState, NewParticipant, ParticipantLine, StepLine, TrialLine
 
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
+const COLD = 'The server compiles its kernels (once, half a minute): let nobody capture before.';
 
 const api = new Api();
 let state: ConsoleState | null = null;
+let warm = true;
 
 async function main(): Promise<void> {
   await api.pairFromHash();
   await api.pairFromHash(window, 'console', `${CONSOLE}/pair`);
   window.addEventListener('hashchange', draw);
   setInterval(tick, TICK_MS);
+  void waitUntilWarm();
   await followEvents<ConsoleState>((open) => api.eventBytes(`${CONSOLE}/events`, open), {
     onEvent: (news) => { state = news; draw(); },
     onConnection: (connection, refusal) => {
@@ -33,9 +36,21 @@ function draw(): void {
   if (state === null) return;
   document.title = `peaking: ${state.title}`;
   elementOf('title').textContent = state.title;
-  elementOf('remarks').replaceChildren(...state.remarks.map((said) => make('p', {}, said)));
+  const remarks = warm ? state.remarks : [COLD, ...state.remarks];
+  elementOf('remarks').replaceChildren(...remarks.map((said) => make('p', {}, said)));
   drawList(state);
   drawDetail(state);
+}
+
+/** A first capture that waits for the compiler would be measured, too. */
+async function waitUntilWarm(): Promise<void> {
+  for (;;) {
+    const before = warm;
+    warm = await api.server().then((info) => info.warm, () => warm);
+    if (warm !== before) draw();
+    if (warm) return;
+    await new Promise((resolve) => setTimeout(resolve, 2 * TICK_MS));
+  }
 }
 
 function chosen(from: ConsoleState): ParticipantLine | null {

@@ -137,6 +137,11 @@ export class Hud {
     }
     if (this.study !== null) {
       say(this.#finish, this.study.finishLabel);
+      if (this.#finish.ariaLabel !== null) {
+        // What is read out is what is seen.
+        this.#finish.removeAttribute('aria-label');
+        this.#finish.removeAttribute('title');
+      }
       for (const each of this.#red) show(each, this.study.showsRed);
       this.#shutter.classList.toggle('away', !this.study.mayPress);
       show(this.#count, this.study.mayShoot);
