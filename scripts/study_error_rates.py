@@ -9,11 +9,24 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from scipy import special
 
 from peaking.study.protocol import parse_protocol
-from peaking.study.simulation.error_rates import Coverage, FalsePositives, coverage, false_positives
+from peaking.study.simulation.error_rates import (
+    Count,
+    Coverage,
+    FalsePositives,
+    coverage,
+    false_positives,
+)
 from peaking.study.simulation.folder import simulated_protocol
 from peaking.study.simulation.truth import PAPER, no_effect
+from peaking.study.statistics.outcome import NORMAL_QUANTILE
+from peaking.study.statistics.signed_ranks import (
+    rank_biserial,
+    rank_biserial_limits,
+    signed_ranks,
+)
 
 PARTICIPANTS = 20
 SHOWN = ("tct_s", "nct_s", "captures", "s_conf", "satis", "scene_focus", "sus_q4", "sus_q5")
@@ -33,6 +46,7 @@ def main() -> None:
         false_positives(protocol, no_effect(PAPER), studies=options.studies, rng=rng)
     )
     print_coverage(coverage(protocol, PAPER, studies=options.studies, rng=rng))
+    print_rank_biserial(3 * options.studies, rng)
 
 
 def print_false_positives(found: FalsePositives) -> None:
@@ -50,6 +64,25 @@ def print_false_positives(found: FalsePositives) -> None:
         low, high = count.limits()
         plain = found.uncorrected_families[name].share
         print(f"| {name} | {plain:.1%} | {count.share:.1%} | {low:.1%} – {high:.1%} |")
+
+
+def print_rank_biserial(samples: int, rng: np.random.Generator) -> None:
+    """Print how many intervals of the rank-biserial hold it: ours, and Fisher's z."""
+    print("\n| true r_rb | Fisher's z | ours |\n|---|---|---|")
+    # V has this variance when there is no effect, whatever the effect is.
+    most = PARTICIPANTS * (PARTICIPANTS + 1) / 2
+    error = np.sqrt(most * (2 * PARTICIPANTS + 1) / 3) / most
+    for shift in (0.0, 0.42, 0.84, 1.65):
+        true = 2 * float(special.ndtr(np.sqrt(2) * shift)) - 1
+        ours, fisher = Count(), Count()
+        for away in rng.normal(shift, 1.0, (samples, PARTICIPANTS)):
+            r = rank_biserial(signed_ranks(away))
+            low, high = rank_biserial_limits(r, PARTICIPANTS)
+            ours.add(low <= true <= high)
+            # At ±1 its z is infinite and the interval a point.
+            z = np.arctanh(r) if abs(r) < 1 else np.sign(r) * np.inf
+            fisher.add(bool(abs(np.arctanh(true) - z) <= NORMAL_QUANTILE * error))
+        print(f"| {true:.2f} | {fisher.share:.1%} | {ours.share:.1%} |")
 
 
 def print_coverage(found: Coverage) -> None:
