@@ -9,10 +9,11 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from scipy import special
+from scipy import special, stats
 
 from peaking.study.protocol import parse_protocol
 from peaking.study.simulation.error_rates import (
+    LARGE,
     Count,
     Coverage,
     FalsePositives,
@@ -21,7 +22,8 @@ from peaking.study.simulation.error_rates import (
 )
 from peaking.study.simulation.folder import simulated_protocol
 from peaking.study.simulation.truth import PAPER, no_effect
-from peaking.study.statistics.outcome import NORMAL_QUANTILE
+from peaking.study.statistics.outcome import NORMAL_QUANTILE, Result
+from peaking.study.statistics.several import friedman, kruskal_wallis, repeated_anova
 from peaking.study.statistics.signed_ranks import (
     rank_biserial,
     rank_biserial_limits,
@@ -47,6 +49,7 @@ def main() -> None:
     )
     print_coverage(coverage(protocol, PAPER, studies=options.studies, rng=rng))
     print_rank_biserial(3 * options.studies, rng)
+    print_shares(options.studies, rng)
 
 
 def print_false_positives(found: FalsePositives) -> None:
@@ -83,6 +86,34 @@ def print_rank_biserial(samples: int, rng: np.random.Generator) -> None:
             z = np.arctanh(r) if abs(r) < 1 else np.sign(r) * np.inf
             fisher.add(bool(abs(np.arctanh(true) - z) <= NORMAL_QUANTILE * error))
         print(f"| {true:.2f} | {fisher.share:.1%} | {ours.share:.1%} |")
+
+
+def print_shares(samples: int, rng: np.random.Generator) -> None:
+    """Print how many intervals of shares of variance hold them: three conditions, normal."""
+    print("\n| means | partial η² | Kendall's W | rank ε² |\n|---|---|---|---|")
+    for means in ((0.0, 0.0, 0.0), (0.0, 0.5, 1.0), (0.0, 1.0, 2.0), (0.0, 2.0, 4.0)):
+        many = rng.normal(means, 1.0, (LARGE, 3))
+        ncp = PARTICIPANTS * 3 * np.var(means)
+        true_eta2 = ncp / (ncp + 2 * (PARTICIPANTS - 1))
+        true_w = np.var(stats.rankdata(many, axis=1).mean(axis=0)) / (2 / 3)
+        ranks = stats.rankdata(many)
+        means_of_ranks = ranks.reshape(many.shape).mean(axis=0)
+        true_epsilon2 = np.var(means_of_ranks) / np.var(ranks)
+        eta2, w, epsilon2 = Count(), Count(), Count()
+        for values in rng.normal(means, 1.0, (samples, PARTICIPANTS, 3)):
+            for count, outcome, true in (
+                (eta2, repeated_anova(values, spherical=True), true_eta2),
+                (w, friedman(values), true_w),
+                (epsilon2, kruskal_wallis(list(values.T)), true_epsilon2),
+            ):
+                if isinstance(outcome, Result):
+                    (effect,) = outcome.effects
+                    count.add((effect.low or 0.0) <= true <= (effect.high or 0.0))
+        cells = [
+            f"{true:.2f}: {count.share:.1%}"
+            for true, count in ((true_eta2, eta2), (true_w, w), (true_epsilon2, epsilon2))
+        ]
+        print(f"| {', '.join(f'{m:g}' for m in means)} | " + " | ".join(cells) + " |")
 
 
 def print_coverage(found: Coverage) -> None:

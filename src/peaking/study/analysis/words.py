@@ -88,7 +88,8 @@ def sentence(analysis: MeasureAnalysis, protocol: Protocol) -> str:
         return f"{name}: no test was made ({outcome.reason})."
     if len(analysis.described) > 2:
         said = _omnibus(name, analysis, outcome, protocol)
-        return " ".join([said, *_pairs(analysis)])
+        found = (analysis.p_decisive or 0.0) < protocol.alpha
+        return " ".join([said, *_pairs(analysis)]) if found else said
     return _two(name, analysis, outcome, protocol)
 
 
