@@ -14,7 +14,7 @@ import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
 import { StudyCapture } from './study/capture_study';
 import { Hud } from './ui/hud';
-import { StartPage } from './ui/start_page';
+import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import type { ServerInfo } from './wire';
 
 /** For tests, benchmarks, and people with the developer tools open. */
@@ -135,7 +135,9 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     }
   };
   for (;;) {
-    if (choice.kind === 'webxr') await start.ask('Start the camera', guide !== null);
+    if (choice.kind === 'webxr') {
+      await start.ask('Start the camera', study?.task ?? (guide === null ? FREELY : GUIDED));
+    }
     await source.run(gl, onFrame, new AbortController().signal);
     await new Promise<void>((resolve) => start.ended(resolve));
     // A new session of WebXR has another origin, so its views are no neighbours of the old ones.

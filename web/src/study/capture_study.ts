@@ -68,6 +68,11 @@ export class StudyCapture implements StudyHud {
     return `${this.api.participant} ${this.#step.key}`;
   }
 
+  /** What the participant is to do. */
+  get task(): string {
+    return this.#step.text;
+  }
+
   get showsRed(): boolean {
     return this.#step.capture?.overlay === 'peaks' && this.#step.kind !== 'review';
   }
@@ -99,6 +104,7 @@ export class StudyCapture implements StudyHud {
     this.#live = live;
     this.#session = session;
     overlay.append(this.#sheet);
+    document.body.classList.add('in-study');
     this.#outbox.start();
     session.subscribe(({ views }) => this.#record?.follow(views, now_s()));
     this.#show(this.#step);

@@ -2,6 +2,10 @@
 
 import { make, show } from './dom';
 
+export const FREELY = 'Walk around the scene. Press the shutter where it turns red, until nothing is red '
+  + 'any more.';
+export const GUIDED = 'Look at the whole scene first. Then targets appear: take a view at each of them.';
+
 export class StartPage {
   readonly #box = make('section', { className: 'start', hidden: true });
 
@@ -9,18 +13,15 @@ export class StartPage {
     root.append(this.#box);
   }
 
-  /** Ask for the tap; resolves with it. @param guided The targets say where views are wanted. */
-  ask(label: string, guided = false): Promise<void> {
+  /** Ask for the tap; resolves with it. @param task What the photographer is to do then. */
+  ask(label: string, task: string): Promise<void> {
     return new Promise((resolve) => {
       const start = make('button', { className: 'primary', type: 'button' }, label);
       start.onclick = () => {
         this.hide();
         resolve();
       };
-      this.#fill('Ready', make('p', {}, guided
-        ? 'Look at the whole scene first. Then targets appear: take a view at each of them.'
-        : 'Walk around the scene. Press the shutter where it turns red, until nothing is red any '
-          + 'more.'), start,
+      this.#fill('Ready', make('p', {}, task), start,
       make('a', { className: 'secondary', href: './?source=virtual' }, 'Try the virtual phone'));
     });
   }
