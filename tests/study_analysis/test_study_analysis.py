@@ -11,6 +11,7 @@ import pytest
 from peaking.study.analysis.analyse import Analysis, MeasureAnalysis, analyse
 from peaking.study.analysis.csv_files import codebook_csv, results_csv, wide_csv
 from peaking.study.analysis.matrix import Matrix, build_matrices
+from peaking.study.analysis.over_time import progress_curve
 from peaking.study.analysis.words import bounded, decimal, p_value, sentence, stars
 from peaking.study.statistics.outcome import Result, Untestable
 from peaking.study.tables import Measurement
@@ -142,6 +143,13 @@ def test_scenes_of_a_condition_are_averaged() -> None:
     assert made.values[0, 0] == 15.0
     assert np.isnan(made.values[0, 1])
     assert made.places.tolist() == [[0, 1]]
+
+
+def test_a_sample_of_the_peaked_share_holds_until_the_next() -> None:
+    curve = progress_curve([(10.0, 0.4), (11.0, 0.2), (20.0, 0.1)])
+    assert curve[:10].tolist() == [40.0] * 10
+    assert curve[10:100].tolist() == [20.0] * 90
+    assert curve[100] == 10.0
 
 
 def read(text: str) -> list[dict[str, str]]:

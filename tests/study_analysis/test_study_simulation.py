@@ -105,6 +105,7 @@ def test_simulate_then_analyse_from_the_command_line(
     written = {path.name for path in out.rglob("*") if path.is_file()}
     assert {"report.html", "results.txt", "results.csv", "long.csv", "wide.csv"} <= written
     assert {"boxes.svg", "boxes.png", "effects.svg", "likert-7.png", "likert-5.svg"} <= written
+    assert {"over_time.svg", "over_time.png"} <= written
     page = (out / "report.html").read_text("utf-8")
     assert not re.search(r'(src|href)="(https?:)?//', page)
     assert not re.search(r"\bnan\b", re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL), re.I)

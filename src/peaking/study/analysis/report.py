@@ -28,6 +28,7 @@ CAPTIONS = {
     "interval does not hold 0.",
     "likert": "Answers on scales: per cent of the participants, centred on the middle answer. "
     "Marks as above.",
+    "over_time": "Peaked share while the task goes on: median and quartiles over the trials.",
 }
 
 

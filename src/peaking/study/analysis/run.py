@@ -18,6 +18,7 @@ from peaking.study.analysis.forest import forest
 from peaking.study.analysis.likert import is_likert, likert
 from peaking.study.analysis.matrix import build_matrices
 from peaking.study.analysis.method import method
+from peaking.study.analysis.over_time import curves_of, over_time
 from peaking.study.analysis.report import report_page
 from peaking.study.measures import catalogue_of
 from peaking.study.tables import measurements, read_study
@@ -59,7 +60,12 @@ def analyse_folder(study_folder: Path, out: Path, *, version: str) -> Analysis:
             (folder / name).write_bytes(text.encode("utf-8"))
         (folder / "figures").mkdir()
         drawings: dict[str, bytes] = {}
-        for name, figure in figures_of(analysis).items():
+        figures = figures_of(analysis)
+        curves = curves_of(study)
+        if curves:
+            labels = {condition.name: condition.label for condition in study.protocol.conditions}
+            figures["over_time"] = over_time(curves, labels)
+        for name, figure in figures.items():
             drawings[name] = svg_bytes(figure)
             (folder / "figures" / f"{name}.svg").write_bytes(drawings[name])
             (folder / "figures" / f"{name}.png").write_bytes(png_bytes(figure))
