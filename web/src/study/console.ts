@@ -13,6 +13,8 @@ const COLD = 'The server compiles its kernels (once, half a minute): let nobody 
 const api = new Api();
 let state: ConsoleState | null = null;
 let warm = true;
+/** Made once: a code that is fetched anew with every news would flicker. */
+const codes = new Map<string, HTMLImageElement>();
 
 async function main(): Promise<void> {
   await api.pairFromHash();
@@ -167,10 +169,11 @@ function trialCard(trial: TrialLine, one: ParticipantLine): HTMLElement {
 
 function phoneCard(from: ConsoleState, one: ParticipantLine, open: boolean): HTMLElement {
   const links = from.phone_links.map((link) => link.replace('{participant}', one.participant));
-  const code = make('img', {
+  const code = codes.get(one.participant) ?? make('img', {
     src: `./api/v1${CONSOLE}/participants/${one.participant}/qr.svg`, width: 168, height: 168,
-    alt: `QR code of ${links[0] ?? ''}`,
+    alt: `QR code of the link for ${one.participant}`,
   });
+  codes.set(one.participant, code);
   const card = make('details', { className: 'card phone-link' },
     make('summary', {}, `Phone of ${one.participant}`), code,
     ...links.map((link) => make('p', {}, make('a', { href: link, target: '_blank' }, bare(link)))));
