@@ -15,6 +15,7 @@ from live_server import LiveServer, chromium
 from peaking.cli import main
 from peaking.study.measures import measures_of
 from peaking.study.protocol import FILE_NAME
+from peaking.study.records import GuideTold
 from peaking.study.tables import Study, read_study
 
 PROTOCOL = """
@@ -37,6 +38,20 @@ at_start = ["demographics"]
 after_capture = ["paper_before"]
 after_review = ["paper_after", "sus", "nasa_tlx"]
 at_end = ["comments"]
+"""
+
+
+GUIDED = """
+version = 1
+title = "Guided"
+design = "within"
+order = "fixed"
+planned_participants = 1
+seed = 1
+conditions = [
+  { name = "llff", label = "Grid", overlay = "none", guide = "plenoptic", scan = true },
+]
+scenes = [{ name = "desk", label = "Desk" }]
 """
 
 
@@ -265,3 +280,54 @@ def test_a_whole_participant(
 
     main(["study", "analyse", str(server.sessions), "--out", str(tmp_path / "results")])
     assert (tmp_path / "results" / "report.html").is_file()
+
+
+def test_a_guided_trial_scans_first(
+    browser: Browser, phone: BrowserContext, server: LiveServer
+) -> None:
+    problems: list[str] = []
+    server.stop()
+    (server.sessions / FILE_NAME).write_text(GUIDED)
+    server.start()
+    console = open_page(phone, f"{server.address}/study", problems)
+    console.get_by_role("button", name="Add participant").click()
+    press(console, "Start", "scan")
+    page = open_page(phone, f"{server.address}/participant?participant=P01", problems)
+    page.get_by_role("link", name="Open the camera").click()
+    wait_for(page, "() => window.peaking?.canShoot() === true")
+    for step in range(200):
+        page.evaluate("pose => window.peaking.phone.setPose(pose)", moved(x_m=0.02 * (step % 5)))
+        page.wait_for_timeout(150)
+        if page.evaluate("window.peaking.guide().zMin_m !== null"):
+            break
+    picture(page, "guide-1-scan", whole=False)
+    page.get_by_role("button", name="Take a view (space)").click()
+    page.get_by_text("The experimenter starts the next part.").wait_for()
+    console.bring_to_front()
+    press(console, "Start", "capture")
+    page.bring_to_front()
+    wait_for(page, "() => document.querySelector('.study-sheet').hidden")
+    picture(page, "guide-2-capture", whole=False)
+    shoot(page, 1)
+    page.locator(".shoot .side:last-child button").click()
+    page.locator(".study-sheet .primary").click()
+    page.get_by_text("The experimenter starts the next part.").wait_for()
+    console.bring_to_front()
+    press(console, "Start", "review")
+    page.bring_to_front()
+    wait_for(page, "() => document.querySelector('.study-sheet').hidden")
+    picture(page, "guide-3-review", whole=False)
+    assert not page.locator(".guide").is_visible()
+    page.locator(".shoot .side:last-child button").click()
+    heading(page, "Thank you")
+
+    study = read(server)
+    (trial,) = study.counting[0].trials
+    found = measures_of(trial, study.protocol)
+    assert found["captures"] == 1
+    assert (found["scan_s"] or 0) > 0
+    assert found["nct_s"] == found["tct_s"]
+    told = {e.name: e.value for e in trial.events if isinstance(e, GuideTold)}
+    assert told["z_min_m"] > 0
+    assert told["views_needed"] >= 1
+    assert problems == []

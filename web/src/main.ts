@@ -13,6 +13,7 @@ import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
 import { StudyCapture } from './study/capture_study';
+import { guideNews } from './study/guide_news';
 import { Hud } from './ui/hud';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import type { ServerInfo } from './wire';
@@ -111,7 +112,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const notices = new Notices(info, api);
   const onFrame = (frame: Parameters<LiveView['draw']>[0]): void => {
     live.draw(frame);
-    guide?.draw(frame);
+    if (study?.guiding !== false) guide?.draw(frame);
     const { seen, hindrance, camera } = live.state;
     const { trouble, storageProblem, name, views } = session.snapshot;
     hud.show({
@@ -123,7 +124,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayPress ?? true),
       sessionName: name,
     });
-    study?.see(null);
+    study?.see(guide === null ? null : guideNews(guide.state));
     if (camera !== null && seen?.peakedShare != null) {
       session.reportPeaked({
         time_s: Date.now() / 1000,

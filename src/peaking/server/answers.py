@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import AsyncIterable, Mapping
 
 import msgspec
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
 from peaking.server import wire
 
@@ -27,4 +27,13 @@ def problem(status: int, sentence: str, headers: Mapping[str, str] | None = None
         status,
         {"Cache-Control": "no-store", **(headers or {})},
         media_type="application/json",
+    )
+
+
+def event_stream(events: AsyncIterable[bytes]) -> Response:
+    """Return server-sent events, for as long as somebody reads."""
+    return StreamingResponse(
+        events,
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )

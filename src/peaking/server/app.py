@@ -28,7 +28,7 @@ from peaking.errors import PeakingError
 from peaking.output import encode_jpeg, write_atomically
 from peaking.presets import DEFAULT, Options
 from peaking.server import wire
-from peaking.server.answers import json_answer, problem
+from peaking.server.answers import event_stream, json_answer, problem
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
 from peaking.server.durable import DiskFull, room_explained
@@ -140,10 +140,10 @@ class _Handlers:
             live="watch" not in request.query_params,
             changed=came_or_went,
         )
-        return _event_stream(stream)
+        return event_stream(stream)
 
     async def server_events(self, _: Request) -> Response:
-        return _event_stream(self.hub.stream(SERVER, lambda: wire.SessionList(self._summaries())))
+        return event_stream(self.hub.stream(SERVER, lambda: wire.SessionList(self._summaries())))
 
     # Sessions
 
@@ -427,14 +427,6 @@ def _file(path: Path, media_type: str) -> Response:
     if not path.is_file():
         raise HTTPException(404, "That file is not there.")
     return FileResponse(path, media_type=media_type, headers=_LASTING)
-
-
-def _event_stream(stream: Any) -> Response:
-    return StreamingResponse(
-        stream,
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
 
 
 def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:

@@ -19,11 +19,11 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route
 
 from peaking.errors import PeakingError
-from peaking.server.answers import json_answer, problem
+from peaking.server.answers import event_stream, json_answer, problem
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
 from peaking.server.sessions import SessionStore
@@ -86,7 +86,7 @@ class _Handlers:
             live=True,
             changed=self._tell_console,
         )
-        return _event_stream(stream)
+        return event_stream(stream)
 
     async def consent(self, request: Request) -> Response:
         return await self._do(request, wire.Consent, OpenParticipant.consent)
@@ -130,7 +130,7 @@ class _Handlers:
         return answer
 
     async def console_events(self, _: Request) -> Response:
-        return _event_stream(self.hub.stream(CONSOLE, self._console, live=True))
+        return event_stream(self.hub.stream(CONSOLE, self._console, live=True))
 
     async def add(self, _: Request) -> Response:
         participant = await run_in_threadpool(self.study.add)
@@ -313,11 +313,3 @@ async def _json(request: Request, kind: type[T]) -> T:
         return msgspec.json.decode(body, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise HTTPException(400, f"The request's JSON is wrong: {error}.") from error
-
-
-def _event_stream(stream: Any) -> Response:
-    return StreamingResponse(
-        stream,
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
