@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import textwrap
 from collections.abc import Generator
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib import font_manager
 from matplotlib.figure import Figure
 
 INK, MUTED, LINE, PAPER = "#14181f", "#5a6472", "#dde1e7", "#ffffff"
@@ -17,8 +19,22 @@ COLOURS = ("#1d5fc4", "#d1495b", "#2f8f6b", "#b87900", "#7a4fb5", "#5a6472")
 
 PNG_DPI = 200
 
+FALLBACK_FONTS = (
+    "Noto Sans CJK JP",
+    "IPAexGothic",
+    "IPAGothic",
+    "TakaoPGothic",
+    "Hiragino Sans",
+    "Yu Gothic",
+    "Noto Sans CJK SC",
+    "WenQuanYi Zen Hei",
+    "Microsoft YaHei",
+    "Malgun Gothic",
+)
+"""For letters that Matplotlib's own font lacks; those that are installed are used."""
+
 STYLE: dict[Any, Any] = {
-    "font.family": "sans-serif",
+    "text.parse_math": False,  # a label with dollars is a label
     "font.size": 9,
     "text.color": INK,
     "axes.edgecolor": MUTED,
@@ -45,7 +61,14 @@ def styled() -> Generator[None, None, None]:
         mpl.rcdefaults()
         for name, value in STYLE.items():
             mpl.rcParams[name] = value
+        mpl.rcParams["font.family"] = ["DejaVu Sans", *_installed_fallbacks()]
         yield
+
+
+@functools.cache
+def _installed_fallbacks() -> tuple[str, ...]:
+    installed = set(font_manager.get_font_names())
+    return tuple(name for name in FALLBACK_FONTS if name in installed)
 
 
 def colour_of(condition: int) -> str:

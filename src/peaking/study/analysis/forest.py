@@ -23,8 +23,8 @@ def forest(measures: Sequence[MeasureAnalysis], labels: Sequence[str]) -> Figure
         labels: Of the two conditions, in their order.
     """
     kinds = {
-        "d_av": ("Cohen’s $d_{av}$", decimal),
-        "r_rb": ("rank-biserial $r_{rb}$", bounded),
+        "d_av": ("Cohen’s d_av", decimal),
+        "r_rb": ("rank-biserial r_rb", bounded),
     }
     drawn = {
         symbol: [

@@ -277,7 +277,7 @@ def _order(analysis: Analysis) -> str:
     said = (
         f"Look closer at {', '.join(doubtful)}: an effect of the order has p < {alpha:g} there."
         if doubtful
-        else f"None has p < {alpha:g}."
+        else f"No p-value is below {alpha:g}."
     )
     return (
         '<section><h2>Order effects</h2><p class="note">Period: whether later trials differ from '

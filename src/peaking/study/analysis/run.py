@@ -108,5 +108,6 @@ def results_text(analysis: Analysis) -> str:
     for measure in tested:
         lines += ["", f"{measure.measure.label} ({measure.measure.name})"]
         lines += [f"  {line}" for line in measure.decision.path()]
-        lines.append(f"  Not chosen: {words.other_test(measure.decision.other)}")
+        if measure.result is not None:
+            lines.append(f"  Not chosen: {words.other_test(measure.decision.other)}")
     return "\n".join(lines) + "\n"
