@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +147,14 @@ def test_wrong_arguments(
     assert stopped.value.code == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("missing", ["scipy", "matplotlib"])
+def test_without_the_extra_it_says_what_to_install(tmp_path: Path, missing: str) -> None:
+    code = (
+        f"import sys; sys.modules[{missing!r}] = None; from peaking.cli import main; "
+        f"main(['study', 'analyse', {str(tmp_path)!r}, '--out', {str(tmp_path / 'out')!r}])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert f"study analyse needs {missing}: pip install 'peaking[study]'" in done.stderr

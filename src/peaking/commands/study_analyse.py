@@ -34,10 +34,11 @@ class Analyse:
         try:
             from peaking.study.analysis.run import analyse_folder
         except ModuleNotFoundError as error:
-            if error.name is None or error.name.partition(".")[0] not in ("matplotlib", "scipy"):
+            package = (error.name or "").partition(".")[0]
+            if package not in ("matplotlib", "scipy"):
                 raise
             raise ToolMissing(
-                f"study analyse needs {error.name}: pip install 'peaking[study]'"
+                f"study analyse needs {package}: pip install 'peaking[study]'"
             ) from error
         analysis = analyse_folder(self.folder, self.out, version=version("peaking"))
         alpha = analysis.protocol.alpha
