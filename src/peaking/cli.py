@@ -22,8 +22,8 @@ from peaking.commands import (
     replay,
     serve,
     splat,
-    weights,
     study,
+    weights,
 )
 from peaking.errors import PeakingError
 
