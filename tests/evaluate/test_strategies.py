@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,15 +31,6 @@ SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
 def cameras_at(*places_x_m: float) -> list[Camera]:
     pinhole = Pinhole(4, 4, 4.0, 4.0, 2.0, 2.0)
     return [Camera(pinhole, Rigid(np.eye(3), np.array([x, 0.0, 0.0]))) for x in places_x_m]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
-    """As in a worker: pictures of this size gain nothing from threads that wait for each other."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
