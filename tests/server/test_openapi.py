@@ -67,8 +67,8 @@ def test_every_reference_leads_somewhere() -> None:
 schema = schemathesis.openapi.from_dict(document())
 
 
-# Now and then, after other tests of the server, Hypothesis finds the global random state changed while
-# a case is made. No strategy here draws from it, and the cases are derandomised.
+# Now and then, after other tests of the server, Hypothesis finds the global random state changed
+# while a case is made. No strategy here draws from it, and the cases are derandomised.
 @pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")
 @schema.exclude(path_regex="events$").parametrize()
 @settings(
