@@ -25,9 +25,10 @@ from recordings import lateral_cameras, write_recording
 
 SIZE_PX = (48, 64)
 SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
-SAME = 7
-"""Decimals in which two runs agree: FLIP sums float32 in an order that follows from where in memory
-a picture lies (3e-11 seen)."""
+SAME = 1e-5
+"""So near (dB, or the measure's own unit) are the results of two runs. The machine code that numba
+compiles in a process and the code that it caches for the next may round a float32 differently: seen
+in the sharpening of depth, 2e-7 per metre, which moved a PSNR by 2e-7 dB."""
 FILES = {"results.json", "views.csv", "table.md", "table.tex", "report.html", "pictures", "cache"}
 
 
@@ -64,10 +65,18 @@ class Counting:
 
 
 def rows_of(out: Path) -> list[dict[str, object]]:
-    """Return the rows without times; numbers are rounded to `SAME`."""
+    """Return the rows without times."""
     rows = json.loads((out / "results.json").read_text())["rows"]
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in rows]
+
+
+def same(rows: list[dict[str, object]]) -> list[object]:
+    """Return what rows of the same results are equal to."""
     return [
-        {k: round(v, SAME) if isinstance(v, float) else v for k, v in row.items() if k != "seconds"}
+        {
+            k: pytest.approx(v, rel=0, abs=SAME) if isinstance(v, float) else v
+            for k, v in row.items()
+        }
         for row in rows
     ]
 
@@ -108,7 +117,7 @@ def test_what_was_stopped_goes_on_and_nothing_is_done_twice(
     evaluate(plan, whole, unbroken)
     assert {key_of(s) for s in first.done} & {key_of(s) for s in second.done} == set()
     assert len(first.done) + len(second.done) == len(unbroken.done)
-    assert rows_of(out) == rows_of(whole)
+    assert rows_of(out) == same(rows_of(whole))
 
 
 def test_another_setting_is_another_step(walk: Path, plan: EvaluationPlan) -> None:
@@ -136,13 +145,13 @@ def test_a_damaged_step_is_said_and_done_again(
     evaluate(plan, out, again)
     assert len(again.done) == 1
     assert f"{damaged}: damaged" in caplog.text
-    assert rows_of(out) == before
+    assert rows_of(out) == same(before)
 
 
 def test_workers_find_the_same(plan: EvaluationPlan, tmp_path: Path) -> None:
     evaluate(plan, tmp_path / "here", InProcess())
     evaluate(plan, tmp_path / "there", ProcessPool(2))
-    assert rows_of(tmp_path / "here") == rows_of(tmp_path / "there")
+    assert rows_of(tmp_path / "here") == same(rows_of(tmp_path / "there"))
 
 
 def test_a_worker_that_dies_loses_nothing(plan: EvaluationPlan, tmp_path: Path) -> None:
@@ -151,7 +160,7 @@ def test_a_worker_that_dies_loses_nothing(plan: EvaluationPlan, tmp_path: Path) 
     pool = Killing(ProcessPool(2))
     evaluate(plan, tmp_path / "there", pool)
     assert pool.killed
-    assert rows_of(tmp_path / "here") == rows_of(tmp_path / "there")
+    assert rows_of(tmp_path / "here") == same(rows_of(tmp_path / "there"))
 
 
 class Killing:
