@@ -18,6 +18,9 @@ from hypothesis import strategies as st
 from capture_uploads import capture_id, depth_mm, new_session, photo, upload
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import RecordingError
+from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.mpi import Mpi
+from peaking.mpi_file import encode
 from peaking.server import wire
 from peaking.server.dataset import zip_stream
 from peaking.server.durable import DiskFull
@@ -40,6 +43,12 @@ def begun(root: Path) -> OpenSession:
 
 def store(session: OpenSession, number: int) -> wire.Capture:
     return session.store_capture(capture_id(number), parse_upload(upload(number)))[0]
+
+
+def empty_mpi() -> bytes:
+    camera = Camera(Pinhole(9, 9, 5.0, 5.0, 4.5, 4.5), Rigid(np.eye(3), np.zeros(3)))
+    nothing = np.zeros((0, 3), np.int32), np.zeros((0, 16, 16, 4), np.uint8)
+    return encode(Mpi(camera, np.array([1.0]), *nothing))
 
 
 def reopened(root: Path) -> OpenSession:
@@ -98,6 +107,20 @@ def test_an_undone_capture_is_in_no_data_set_and_not_lost(tmp_path: Path) -> Non
     assert store(again, 3).number == 3
     with pytest.raises(UnknownCapture):
         again.remove_capture(capture_id(9))
+
+
+def test_an_mpi_that_is_gone_or_of_an_old_format_is_made_again(tmp_path: Path) -> None:
+    session = begun(tmp_path)
+    for number in (1, 2, 3):
+        store(session, number)
+        session.mark_ready(capture_id(number), empty_mpi(), generator="layered", guessed=False)
+    session.mpi_path(capture_id(2)).unlink()
+    old = session.mpi_path(capture_id(3))
+    old.write_bytes(old.read_bytes().replace(b"PKMPI\x02", b"PKMPI\x01", 1))
+    again = reopened(tmp_path)
+    assert [capture.state for capture in again.captures] == ["ready", "queued", "queued"]
+    assert again.unfinished("layered") == [capture_id(2), capture_id(3)]
+    assert again.capture(capture_id(1)).mpi_bytes == len(empty_mpi())
 
 
 def test_the_folder_is_a_data_set(tmp_path: Path) -> None:

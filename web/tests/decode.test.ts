@@ -20,11 +20,11 @@ function fileOfTiles(cols: number): ArrayBuffer {
   const header = Buffer.from(JSON.stringify({
     width_px: 15 * cols - 1, height_px: 14, fx_px: 1, fy_px: 1, cx_px: 1, cy_px: 1,
     world_from_cam: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], plane_depths_m: [2],
-    generator: 'by hand', codec: 'lossless', num_tiles: cols, atlas_cols: 1,
+    generator: 'by hand', codec: 'lossless', num_tiles: cols,
     occupancy_bytes: occupancy.length, payload_bytes: payload.length,
   }));
   const body = Buffer.concat([header, occupancy, payload]);
-  const fixed = Buffer.from('PKMPI\x01\r\n--------', 'latin1');
+  const fixed = Buffer.from('PKMPI\x02\r\n--------', 'latin1');
   fixed.writeUInt32LE(header.length, 8);
   fixed.writeUInt32LE(crc32(body), 12);
   return Uint8Array.from(Buffer.concat([fixed, body])).buffer;
@@ -48,23 +48,35 @@ test('tiles lie beside each other, and go on in the next row of the texture', as
 });
 
 test.each([
-  // Brightness of the lower half, and what it makes of (200, 100, 7).
+  // What is stored of alpha, and what it makes of (200, 100, 7).
   [0, [0, 0, 0, 0]],
   [16, [0, 0, 0, 0]],
   [64, [100, 50, 4, 128]], // (64 - 16) · 255 / 96 = 127.5; 7 · 128 / 255 = 3.51
   [112, [200, 100, 7, 255]],
   [128, [200, 100, 7, 255]],
   [255, [200, 100, 7, 255]],
-])('a tile of colour above one of alpha: %i', (luma, expected) => {
-  const pixels = new Uint8ClampedArray(4 * TILE_PX * 2 * TILE_PX);
-  for (let i = 0; i < pixels.length; i += 4) {
-    const isColour = i < pixels.length / 2;
-    pixels.set(isColour ? [200, 100, 7, 255] : [luma, luma, luma, 255], i);
-  }
+])('a tile of colour and one of alpha: %i', (stored, expected) => {
+  // Two tiles beside each other, two below: the colours are the last of four, alpha is the fourth
+  // of six in a row.
+  const colors = picture(2, 2, (tile) => (tile === 3 ? [200, 100, 7] : [1, 2, 3]));
+  const alphas = picture(6, 1, (tile) => (tile === 3 ? [stored, 9, 9] : [128, 128, 128]));
   const texels = new Uint8Array(4 * TEXTURE_COLS * TILE_PX * TILE_PX);
-  combine(pixels, 4 * TILE_PX, 0, 4 * TILE_PX * TILE_PX, texels, 3);
+  combine(colors, 3, alphas, texels, 3);
   const last = 4 * (15 * TEXTURE_COLS * TILE_PX + 3 * TILE_PX + 15);
   expect(Array.from(texels.subarray(4 * 3 * TILE_PX, 4 * 3 * TILE_PX + 4))).toEqual(expected);
   expect(Array.from(texels.subarray(last, last + 4))).toEqual(expected);
   expect(Array.from(texels.subarray(last + 4, last + 8))).toEqual([0, 0, 0, 0]);
+  expect(Array.from(texels.subarray(4 * 2 * TILE_PX, 4 * 2 * TILE_PX + 4))).toEqual([0, 0, 0, 0]);
 });
+
+function picture(
+  cols: number, rows: number, colorOf: (tile: number) => readonly number[],
+): { readonly pixels: Uint8ClampedArray; readonly cols: number } {
+  const width = TILE_PX * cols;
+  const pixels = new Uint8ClampedArray(4 * width * TILE_PX * rows);
+  for (let i = 0; i < pixels.length / 4; i += 1) {
+    const tile = cols * Math.floor(i / width / TILE_PX) + Math.floor((i % width) / TILE_PX);
+    pixels.set([...colorOf(tile), 255], 4 * i);
+  }
+  return { pixels, cols };
+}

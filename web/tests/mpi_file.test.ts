@@ -79,7 +79,7 @@ function withHeader(change: (header: Header) => void, payload?: Uint8Array): Arr
 
 function fileOf(...parts: readonly Uint8Array[]): ArrayBuffer {
   const body = Buffer.concat(parts);
-  const fixed = Buffer.from('PKMPI\x01\r\n--------', 'latin1');
+  const fixed = Buffer.from('PKMPI\x02\r\n--------', 'latin1');
   fixed.writeUInt32LE(parts[0]?.length ?? 0, 8);
   fixed.writeUInt32LE(crc32(body), 12);
   return Uint8Array.from(Buffer.concat([fixed, body])).buffer;

@@ -27,7 +27,7 @@ function fileOf({ header, occupancy, payload }: Parts, json?: string): ArrayBuff
   header['payload_bytes'] = payload.length;
   const text = new TextEncoder().encode(json ?? JSON.stringify(header));
   const body = Buffer.concat([text, occupancy, payload]);
-  const fixed = Buffer.from('PKMPI\x01\r\n--------', 'latin1');
+  const fixed = Buffer.from('PKMPI\x02\r\n--------', 'latin1');
   fixed.writeUInt32LE(text.length, 8);
   fixed.writeUInt32LE(crc32(body), 12);
   return Uint8Array.from(Buffer.concat([fixed, body])).buffer;
@@ -120,11 +120,58 @@ const PICTURES: readonly [string, (jpeg: Uint8Array) => Uint8Array, RegExp][] = 
   ['a PNG', () => Uint8Array.of(0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a), /JPEG/],
 ];
 
-describe('refused as the picture of the tiles, before it is decoded', () => {
+/** What the payload of the JPEG codec is made of. */
+interface Pictures {
+  isNew: Uint8Array;
+  colors: Uint8Array;
+  alphas: Uint8Array;
+}
+
+function picturesOf({ header, payload }: Parts): Pictures {
+  const lengthAt = Math.ceil(Number(header['num_tiles']) / 8);
+  const colorsAt = lengthAt + 4;
+  const alphasAt = colorsAt + new DataView(payload.buffer).getUint32(lengthAt, true);
+  return {
+    isNew: payload.slice(0, lengthAt),
+    colors: payload.slice(colorsAt, alphasAt),
+    alphas: payload.slice(alphasAt),
+  };
+}
+
+function withPictures(change: (pictures: Pictures) => void): ArrayBuffer {
+  const parts = partsOf('desk.jpeg.mpi');
+  const pictures = picturesOf(parts);
+  change(pictures);
+  const length = Buffer.alloc(4);
+  length.writeUInt32LE(pictures.colors.length);
+  const joined = Buffer.concat([pictures.isNew, length, pictures.colors, pictures.alphas]);
+  parts.payload = Uint8Array.from(joined);
+  return fileOf(parts);
+}
+
+describe('refused as the picture of colours, before it is decoded', () => {
   test.each(PICTURES)('%s', async (_, change, reason) => {
-    const parts = partsOf('desk.jpeg.mpi');
-    parts.payload = Uint8Array.from(change(parts.payload));
-    await expect(decodeMpi(fileOf(parts))).rejects.toThrow(reason);
-    await expect(decodeMpi(fileOf(parts))).rejects.toThrow(MpiFileError);
+    const file = withPictures((pictures) => { pictures.colors = change(pictures.colors); });
+    await expect(decodeMpi(file)).rejects.toThrow(reason);
+    await expect(decodeMpi(file)).rejects.toThrow(MpiFileError);
   });
+});
+
+const OTHERS: readonly [string, (pictures: Pictures) => void, RegExp][] = [
+  ['colours as alpha', (p) => { p.alphas = p.colors; }, /grey/],
+  ['alpha as colours', (p) => { p.colors = p.alphas; }, /4:2:0/],
+  ['alpha of other tiles', (p) => { p.alphas[segment(p.alphas, SOF) + 6] = 16; }, /picture of/],
+  ['no alpha', (p) => { p.alphas = new Uint8Array(); }, /alpha/],
+  ['a tile without colours', (p) => { p.isNew.fill(0); }, /colours of one that is not there/],
+  ['a tile more with colours', (p) => { p.isNew.fill(0xff); }, /more tiles|picture of/],
+];
+
+test.each(OTHERS)('refused: %s', async (_, change, reason) => {
+  await expect(decodeMpi(withPictures(change))).rejects.toThrow(reason);
+});
+
+test.each([0, 3, 40])('refused: a payload of %i bytes', async (length) => {
+  const parts = partsOf('desk.jpeg.mpi');
+  parts.payload = parts.payload.slice(0, length);
+  await expect(decodeMpi(fileOf(parts))).rejects.toThrow(MpiFileError);
 });

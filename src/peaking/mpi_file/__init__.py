@@ -20,23 +20,24 @@ from peaking.mpi_file._header import MAX_HEADER_BYTES, Codec, Header
 from peaking.mpi_file._tiles import pack_texels, unpack_texels
 from peaking.output import write_atomically
 
-__all__ = ["Codec", "decode", "encode", "read_mpi", "write_mpi"]
+__all__ = ["Codec", "decode", "encode", "is_current", "read_mpi", "write_mpi"]
 
-VERSION = 1
+VERSION = 2
+DEFAULT_QUALITY = 90
 MAX_FILE_BYTES = 256 * 2**20
 
 _MAGIC = b"PKMPI%c\r\n"
 _FIXED_BYTES = 16
 
 
-def encode(mpi: Mpi, *, codec: Codec = "jpeg", quality: int = 85) -> bytes:
+def encode(mpi: Mpi, *, codec: Codec = "jpeg", quality: int = DEFAULT_QUALITY) -> bytes:
     """Return the bytes of an MPI.
 
     Args:
         mpi: What to write.
         codec: "jpeg" for display: colour and alpha change a little (docs/mpi-format.md has
-            numbers). "lossless" gives every texel back, in three to four times the bytes.
-        quality: JPEG quality, 1…100; "lossless" has no use for it.
+            numbers). "lossless" gives every texel back, in five times the bytes.
+        quality: JPEG quality of the colours, 1…100; "lossless" has no use for it.
 
     Raises:
         ValueError: The codec or quality does not exist, tiles are outside the planes or not sorted,
@@ -54,7 +55,8 @@ def encode(mpi: Mpi, *, codec: Codec = "jpeg", quality: int = 85) -> bytes:
     )
     header.check()
     occupancy = _occupancy(mpi)
-    payload = pack_texels(mpi.texels, codec, header.atlas_cols, quality=quality)
+    stacks = _stacks(mpi.tile_places, header)
+    payload = pack_texels(mpi.texels, codec, stacks, quality=quality)
     json_bytes = header.to_json(len(occupancy), len(payload))
     checksum = zlib.crc32(payload, zlib.crc32(occupancy, zlib.crc32(json_bytes)))
     fixed = (
@@ -81,7 +83,7 @@ def decode(data: bytes) -> Mpi:
             f"the header promises {payload_start + payload_bytes} bytes, got {len(data)}"
         )
     places = _places(data[header_end:payload_start], header)
-    texels = unpack_texels(data[payload_start:], header.codec, header.num_tiles, header.atlas_cols)
+    texels = unpack_texels(data[payload_start:], header.codec, _stacks(places, header))
     return Mpi(
         camera=Camera(header.pinhole, header.world_from_cam),
         plane_depths_m=header.plane_depths_m,
@@ -91,7 +93,9 @@ def decode(data: bytes) -> Mpi:
     )
 
 
-def write_mpi(path: Path, mpi: Mpi, *, codec: Codec = "jpeg", quality: int = 85) -> None:
+def write_mpi(
+    path: Path, mpi: Mpi, *, codec: Codec = "jpeg", quality: int = DEFAULT_QUALITY
+) -> None:
     """Write an MPI so that the file is there in full or not at all.
 
     Raises:
@@ -120,6 +124,15 @@ def read_mpi(path: Path) -> Mpi:
         raise MpiFileError(f"{path}: {error}") from error
 
 
+def is_current(path: Path) -> bool:
+    """Return whether a file is there and begins as one of the version that is written now."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_MAGIC % VERSION)) == _MAGIC % VERSION
+    except OSError:
+        return False
+
+
 def _check_frame(data: bytes) -> int:
     """Check what surrounds the content; return where the header ends."""
     start = data[:8]
@@ -146,6 +159,11 @@ def _check_frame(data: bytes) -> int:
 
 def _grid(header: Header) -> tuple[int, int, int]:
     return (len(header.plane_depths_m), *tile_grid(*header.pinhole.size_px))
+
+
+def _stacks(places: Int32[np.ndarray, "tiles 3"], header: Header) -> Int32[np.ndarray, "tiles"]:
+    """Return row and column of every tile as one number."""
+    return (places[:, 1] * _grid(header)[2] + places[:, 2]).astype(np.int32)
 
 
 def _occupancy(mpi: Mpi) -> bytes:

@@ -19,11 +19,9 @@ MAX_HEADER_BYTES = 2**20
 MAX_SIZE_PX = 16384
 MAX_PLANES = 1024
 MAX_TILES = 2**16
-"""A JPEG of 4096 x 8192 pixels, 64 MiB of texels."""
+"""A picture of 4096 x 4096 pixels, 64 MiB of texels."""
 MAX_PLACES = 2**25
 """Planes x rows x columns of tiles; a table of them takes 128 MiB."""
-MAX_ATLAS_COLS = 256
-"""Keeps the picture 4096 pixels wide, which every WebGL 2 device of today takes."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +34,6 @@ class Header:
     generator: str
     codec: Codec
     num_tiles: int
-    stored_atlas_cols: int = 0
-
-    @property
-    def atlas_cols(self) -> int:
-        """Tiles beside each other in the picture; near-square unless the file said otherwise."""
-        near_square = min(MAX_ATLAS_COLS, math.ceil(math.sqrt(2 * self.num_tiles)))
-        return self.stored_atlas_cols or max(1, near_square)
 
     def check(self) -> None:
         """Raise ValueError when a value is outside what the format allows."""
@@ -59,8 +50,6 @@ class Header:
         if not 0 <= self.num_tiles <= min(MAX_TILES, places):
             most = min(MAX_TILES, places)
             raise ValueError(f"need at most {most} tiles, got {self.num_tiles}")
-        if not 1 <= self.atlas_cols <= MAX_ATLAS_COLS:
-            raise ValueError(f"need atlas_cols of 1..{MAX_ATLAS_COLS}, got {self.atlas_cols}")
         if self.codec not in get_args(Codec):
             raise ValueError(f"need codec {' or '.join(get_args(Codec))}, got {self.codec!r}")
         if np.abs(self.world_from_cam.rotation).max() > 2:
@@ -82,7 +71,6 @@ class Header:
             "generator": self.generator,
             "codec": self.codec,
             "num_tiles": self.num_tiles,
-            "atlas_cols": self.atlas_cols,
             "occupancy_bytes": occupancy_bytes,
             "payload_bytes": payload_bytes,
         }
@@ -126,7 +114,6 @@ class Header:
             generator=fields.text("generator"),
             codec=cast("Codec", codec),
             num_tiles=fields.whole("num_tiles", MAX_TILES),
-            stored_atlas_cols=fields.whole("atlas_cols", MAX_ATLAS_COLS, at_least=1),
         )
         return header, fields.whole("occupancy_bytes"), fields.whole("payload_bytes")
 

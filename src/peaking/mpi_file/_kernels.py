@@ -1,7 +1,7 @@
 # pyright: basic
-"""Tiles to the planes of a JPEG picture and back, compiled.
+"""Tiles to the pictures of colour and alpha and back, compiled.
 
-The layout of the picture and the formulas: docs/mpi-format.md. A texel travels as one 32-bit
+The layout of the pictures and the formulas: docs/mpi-format.md. A texel travels as one 32-bit
 word, red in the lowest byte, and the inner loops run over contiguous rows without branches, so
 that the compiler can work on eight texels at once.
 """
@@ -53,6 +53,92 @@ def _sums(words, top, left):
     )
 
 
+@njit(cache=True, inline="always")
+def _unlike(a, b, opacity_a, opacity_b, shift):
+    """Return how far a channel of two texels is apart, both scaled to the product of their alphas.
+
+    Premultiplied by an alpha a and rounded, a colour is within half a step of what it should be, so
+    two texels of one colour differ by (a + b) / 2 at most; as much is allowed again.
+    """
+    one = _I((a >> _U(shift)) & _BYTE) * opacity_b
+    other = _I((b >> _U(shift)) & _BYTE) * opacity_a
+    return abs(one - other) - (opacity_a + opacity_b)
+
+
+@njit(cache=True, inline="always")
+def _same_colors(texels, color):
+    """Return whether two tiles have the same straight colour wherever both have alpha."""
+    for quarter in range(0, 256, 64):
+        worst = _I(0)
+        for x in range(quarter, quarter + 64):
+            a, b = texels[x], color[x]
+            opacity_a, opacity_b = _I(a >> _U(24)), _I(b >> _U(24))
+            # Without alpha a texel is 0, so that it is unlike nothing.
+            red = _unlike(a, b, opacity_a, opacity_b, 0)
+            green = _unlike(a, b, opacity_a, opacity_b, 8)
+            blue = _unlike(a, b, opacity_a, opacity_b, 16)
+            worst = max(worst, max(red, max(green, blue)))
+        if worst > 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def share_colors(words, stacks, latest, colors, is_new, alphas):
+    """Find the tiles whose colours differ from those of the tile behind, and take alpha out.
+
+    Args:
+        words: [tiles, 256] uint32, premultiplied RGBA, farthest first.
+        stacks: [tiles] int32, which row and column a tile is in.
+        latest: [stacks] int32, -1 everywhere; to work with.
+        colors: [tiles, 256] uint32, to write to: what tiles of the same colours look like
+            together, each texel from the one that is most opaque there.
+        is_new: [tiles] bool, to write to: whether a tile begins a new one of `colors`.
+        alphas: [tiles, 256] uint8, to write to: alpha as it is stored.
+
+    Returns:
+        How many of `colors` are used.
+    """
+    count = 0
+    for i in range(len(words)):
+        texels, stored = words[i], alphas[i]
+        for x in range(256):
+            opacity = _I(texels[x] >> _U(24))
+            # 24672 / 65536 = 96 / 255: from 16 to 112, and the ends are 0 and 128
+            inner = _I(16) + ((opacity * _I(24672) + _I(32768)) >> _I(16))
+            inner = _I(0) if opacity == _I(0) else inner
+            stored[x] = np.uint8(_I(128) if opacity == _I(255) else inner)
+        behind = latest[stacks[i]]
+        is_new[i] = behind < 0 or not _same_colors(texels, colors[behind])
+        if is_new[i]:
+            colors[count] = texels
+            latest[stacks[i]] = count
+            count += 1
+            continue
+        color = colors[behind]
+        for x in range(256):
+            color[x] = texels[x] if (texels[x] >> _U(24)) > (color[x] >> _U(24)) else color[x]
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def find_colors(is_new, stacks, latest, color_of):
+    """Find which colours every tile has; the inverse of `share_colors`.
+
+    Args:
+        is_new: [tiles] bool, whether a tile has colours of its own.
+        stacks: [tiles] int32, which row and column a tile is in.
+        latest: [stacks] int32, -1 everywhere; to work with.
+        color_of: [tiles] int32, to write to: -1 where there is no tile behind to have them from.
+    """
+    count = 0
+    for i in range(len(is_new)):
+        if is_new[i]:
+            latest[stacks[i]] = count
+            count += 1
+        color_of[i] = latest[stacks[i]]
+
+
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def mean_colors(words, means):
     """Find what a texel without alpha gets: the mean colour of its 8 × 8 block, or of its tile.
@@ -82,21 +168,19 @@ def mean_colors(words, means):
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def tiles_to_luma(words, means, luma):
-    """Write all tiles into the luma of a picture: of the straight colour, then alpha.
+    """Write the luma of all tiles' straight colours into a picture.
 
     Args:
         words: [tiles, 16, 16] uint32, premultiplied RGBA.
         means: What `mean_colors` found.
-        luma: [2, rows, 16, cols, 16], to write to; what no tile covers is left as it is.
+        luma: [rows, 16, cols, 16], to write to; what no tile covers is left as it is.
     """
-    num_cols = luma.shape[3]
+    num_cols = luma.shape[2]
     for i in range(len(words)):
-        # Unsigned, so that no index is looked at for being negative.
         row, col = np.uint64(i) // np.uint64(num_cols), np.uint64(i) % np.uint64(num_cols)
         for y in range(16):
             texels = words[i, y]
-            colors = luma[0, row, y, col]
-            alphas = luma[1, row, y, col]
+            colors = luma[row, y, col]
             left, right = means[i, 0, y // 8, 0], means[i, 0, y // 8, 1]
             for x in range(16):
                 word = texels[x]
@@ -109,28 +193,24 @@ def tiles_to_luma(words, means, luma):
                 straight = shade * (_F(255) / max(_F(opacity), _F(1)))
                 mean = left if x < 8 else right
                 colors[x] = _byte(straight if opacity > 0 else mean)
-                # 24672 / 65536 = 96 / 255: from 16 to 112, and the ends are 0 and 128
-                inner = _I(16) + ((opacity * _I(24672) + _I(32768)) >> _I(16))
-                inner = _I(0) if opacity == 0 else inner
-                alphas[x] = np.uint8(_I(128) if opacity == 255 else inner)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def tiles_to_chroma(words, means, blue, red):
-    """Write all tiles into the chroma of a picture, one sample for 2 × 2 texels.
+    """Write the chroma of all tiles into a picture, one sample for 2 × 2 texels.
 
     Args:
         words: [tiles, 16, 16] uint32, premultiplied RGBA.
         means: What `mean_colors` found.
-        blue: [2, rows, 8, cols, 8], Cb, to write to; the second half is left as it is.
+        blue: [rows, 8, cols, 8], Cb, to write to; what no tile covers is left as it is.
         red: The same for Cr.
     """
-    num_cols = blue.shape[3]
+    num_cols = blue.shape[2]
     for i in range(len(words)):
         row, col = np.uint64(i) // np.uint64(num_cols), np.uint64(i) % np.uint64(num_cols)
         for y in range(8):
             upper, lower = words[i, 2 * y], words[i, 2 * y + 1]
-            blues, reds = blue[0, row, y, col], red[0, row, y, col]
+            blues, reds = blue[row, y, col], red[row, y, col]
             left_cb, right_cb = means[i, 1, y // 4, 0], means[i, 1, y // 4, 1]
             left_cr, right_cr = means[i, 2, y // 4, 0], means[i, 2, y // 4, 1]
             for x in range(8):
@@ -152,25 +232,28 @@ def tiles_to_chroma(words, means, blue, red):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def picture_to_tiles(picture, words):
-    """Read all tiles out of the decoded picture and premultiply them.
+def pictures_to_tiles(colors, alphas, color_of, words):
+    """Read all tiles out of the decoded pictures and premultiply them.
 
     Args:
-        picture: [2, rows, 16, cols, 16] uint32, the decoded picture, red in the lowest byte.
+        colors: [rows, 16, cols, 16] uint32, the decoded picture of colour, red in the lowest byte.
+        alphas: [rows, 16, cols, 16] uint8, the decoded picture of alpha.
+        color_of: [tiles] int32, which tile of `colors` goes with each of `alphas`.
         words: [tiles, 16, 16] uint32, premultiplied RGBA, to write to.
     """
-    num_cols = picture.shape[3]
+    color_cols, alpha_cols = np.uint64(colors.shape[2]), np.uint64(alphas.shape[2])
     for i in range(len(words)):
-        row, col = np.uint64(i) // np.uint64(num_cols), np.uint64(i) % np.uint64(num_cols)
+        row, col = np.uint64(i) // alpha_cols, np.uint64(i) % alpha_cols
+        from_row = np.uint64(color_of[i]) // color_cols
+        from_col = np.uint64(color_of[i]) % color_cols
         for y in range(16):
-            colors = picture[0, row, y, col]
-            alphas = picture[1, row, y, col]
+            straight = colors[from_row, y, from_col]
+            stored = alphas[row, y, col]
             tile = words[i, y]
             for x in range(16):
-                color = colors[x]
-                stored = _I((alphas[x] >> _U(8)) & _BYTE)
+                color = straight[x]
                 # 174080 / 65536 = 255 / 96
-                inner = ((stored - _I(16)) * _I(174080) + _I(32768)) >> _I(16)
+                inner = ((_I(stored[x]) - _I(16)) * _I(174080) + _I(32768)) >> _I(16)
                 alpha = _U(min(max(inner, _I(0)), _I(255)))
                 # colour · alpha / 255, rounded: (p + p / 256) / 256 with p + 128 (Blinn, 1995,
                 # "Three wrongs make a right"), red and blue at once

@@ -1,126 +1,166 @@
-"""The texels of a `.mpi` file: one JPEG of all tiles, or a deflated stream."""
+"""The texels of a `.mpi` file: pictures of colour and of alpha, or a deflated stream."""
 
 from __future__ import annotations
 
-import re
+import math
 import zlib
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 import simplejpeg
-from jaxtyping import UInt8
+from jaxtyping import Int32, UInt8
 
 from peaking.errors import MpiFileError
 from peaking.mpi import TILE_PX
 from peaking.mpi_file._header import Codec
+from peaking.mpi_file._jpeg import baseline_size_px
 
 _Texels = UInt8[np.ndarray, "tiles 16 16 4"]
+_Stacks = Int32[np.ndarray, "tiles"]
+
+MAX_COLS = 256
+"""Tiles beside each other: pictures 4096 pixels wide, which every browser of today takes."""
+
+ALPHA_QUALITY = 85
+"""JPEG quality of the picture of alpha. Its noise shows far less than that of colour; below this,
+much of what is empty or opaque becomes hazy (docs/mpi-format.md)."""
+
+_HALF = TILE_PX // 2
 _TILE_BYTES = TILE_PX * TILE_PX * 4
-
-_SOF0, _DHT, _JPG, _DAC, _SOS, _EOI = 0xC0, 0xC4, 0xC8, 0xCC, 0xDA, 0xD9
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {_DHT, _JPG, _DAC}
-"""Markers that begin a frame; all but SOF0 are progressive, arithmetic or the like."""
-_AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7]")
-"""What ends the data of a scan: any marker but a restart."""
+_LENGTH_BYTES = 4
 
 
-def pack_texels(texels: _Texels, codec: Codec, atlas_cols: int, *, quality: int) -> bytes:
-    """Return the payload of a file; nothing when there are no tiles."""
+def pack_texels(texels: _Texels, codec: Codec, stacks: _Stacks, *, quality: int) -> bytes:
+    """Return the payload of a file; nothing when there are no tiles.
+
+    Args:
+        texels: Premultiplied RGBA, in the order of the file.
+        codec: How to store them.
+        stacks: Row and column of each tile as one number, row · columns + column.
+        quality: JPEG quality of the colours.
+    """
     if len(texels) == 0:
         return b""
     if codec == "lossless":
         return zlib.compress(_differences(texels).tobytes(), level=1)
-    return _to_jpeg(texels, atlas_cols, quality)
+    return _to_pictures(texels, stacks, quality)
 
 
-def unpack_texels(payload: bytes, codec: Codec, num_tiles: int, atlas_cols: int) -> _Texels:
+def unpack_texels(payload: bytes, codec: Codec, stacks: _Stacks) -> _Texels:
     """Return the tiles of a payload.
 
     Raises:
         MpiFileError: It does not hold that many tiles, or is not of the kind that the codec says.
     """
-    if num_tiles == 0:
+    if len(stacks) == 0:
         if payload:
             raise MpiFileError(f"need no payload for no tiles, got {len(payload)} bytes")
         return np.zeros((0, TILE_PX, TILE_PX, 4), dtype=np.uint8)
     if codec == "lossless":
-        return _from_deflated(payload, num_tiles)
-    return _from_jpeg(payload, num_tiles, atlas_cols)
+        return _from_deflated(payload, len(stacks))
+    return _from_pictures(payload, stacks)
 
 
-def _to_jpeg(texels: _Texels, atlas_cols: int, quality: int) -> bytes:
-    from peaking.mpi_file._kernels import mean_colors, tiles_to_chroma, tiles_to_luma
+def _to_pictures(texels: _Texels, stacks: _Stacks, quality: int) -> bytes:
+    from peaking.mpi_file._kernels import mean_colors, share_colors, tiles_to_chroma, tiles_to_luma
 
-    atlas_rows = -(-len(texels) // atlas_cols)
-    half = TILE_PX // 2
-    luma = np.zeros((2, atlas_rows, TILE_PX, atlas_cols, TILE_PX), dtype=np.uint8)
-    blue, red = (
-        np.full((2, atlas_rows, half, atlas_cols, half), 128, dtype=np.uint8) for _ in range(2)
-    )
-    words = np.ascontiguousarray(texels).view(np.uint32)[..., 0]
-    means = np.empty((len(texels), 3, 2, 2), dtype=np.float32)
-    mean_colors(words, means)
-    tiles_to_luma(words, means, luma)
-    tiles_to_chroma(words, means, blue, red)
-    width_px = atlas_cols * TILE_PX
-    # Two threads, each with half of the rows joined by a restart marker, gained nothing.
-    return simplejpeg.encode_jpeg_yuv_planes(
-        luma.reshape(-1, width_px),
-        blue.reshape(-1, width_px // 2),
-        red.reshape(-1, width_px // 2),
+    words = np.ascontiguousarray(texels).view(np.uint32).reshape(-1, TILE_PX**2)
+    rows, cols = _near_square(len(words))
+    alphas = np.zeros((rows * cols, TILE_PX**2), dtype=np.uint8)
+    colors, is_new = np.empty_like(words), np.empty(len(words), dtype=np.bool_)
+    count = share_colors(words, stacks, _none_yet(stacks), colors, is_new, alphas)
+    alpha_jpeg = _beside().submit(_alpha_jpeg, alphas, rows, cols)
+
+    colors = colors[:count].reshape(-1, TILE_PX, TILE_PX)
+    rows, cols = _near_square(len(colors))
+    luma = np.zeros((rows, TILE_PX, cols, TILE_PX), dtype=np.uint8)
+    blue, red = (np.full((rows, _HALF, cols, _HALF), 128, dtype=np.uint8) for _ in range(2))
+    means = np.empty((len(colors), 3, 2, 2), dtype=np.float32)
+    mean_colors(colors, means)
+    tiles_to_luma(colors, means, luma)
+    tiles_to_chroma(colors, means, blue, red)
+    color_jpeg = simplejpeg.encode_jpeg_yuv_planes(
+        luma.reshape(-1, cols * TILE_PX),
+        blue.reshape(-1, cols * _HALF),
+        red.reshape(-1, cols * _HALF),
         quality,
     )
+    length = len(color_jpeg).to_bytes(_LENGTH_BYTES, "little")
+    return b"".join([np.packbits(is_new).tobytes(), length, color_jpeg, alpha_jpeg.result()])
 
 
-def _from_jpeg(payload: bytes, num_tiles: int, atlas_cols: int) -> _Texels:
-    from peaking.mpi_file._kernels import picture_to_tiles
+def _from_pictures(payload: bytes, stacks: _Stacks) -> _Texels:
+    from peaking.mpi_file._kernels import find_colors, pictures_to_tiles
 
-    atlas_rows = -(-num_tiles // atlas_cols)
-    size_px = (atlas_cols * TILE_PX, 2 * atlas_rows * TILE_PX)
-    got_px = _baseline_size_px(payload)
-    if got_px != size_px:
-        raise MpiFileError(f"need a JPEG of {size_px} pixels for {num_tiles} tiles, got {got_px}")
-    try:
-        # Fast upsampling repeats the chroma sample, so nothing comes in from the next tile.
-        picture = simplejpeg.decode_jpeg(payload, colorspace="RGBA", fastupsample=True)
-    except ValueError as error:
-        raise MpiFileError(f"unsound JPEG: {error}") from error
+    num_tiles = len(stacks)
+    start = -(-num_tiles // 8) + _LENGTH_BYTES
+    end = start + int.from_bytes(payload[start - _LENGTH_BYTES : start], "little")
+    if end >= len(payload):
+        raise MpiFileError("broken off before the picture of alpha")
+    bits = np.unpackbits(np.frombuffer(payload, np.uint8, start - _LENGTH_BYTES))
+    is_new = bits[:num_tiles].astype(np.bool_)
+    color_of = np.empty(num_tiles, dtype=np.int32)
+    find_colors(is_new, stacks, _none_yet(stacks), color_of)
+    if bits[num_tiles:].any() or (color_of < 0).any():
+        raise MpiFileError("a tile has the colours of a tile that is not there")
+
+    colors = _decoded(payload[start:end], int(is_new.sum()), grey=False)
+    alphas = _decoded(payload[end:], num_tiles, grey=True)
     texels = np.empty((num_tiles, TILE_PX, TILE_PX, 4), dtype=np.uint8)
-    halves = picture.view(np.uint32).reshape(2, atlas_rows, TILE_PX, atlas_cols, TILE_PX)
-    picture_to_tiles(halves, texels.view(np.uint32)[..., 0])
+    pictures_to_tiles(
+        colors.view(np.uint32)[..., 0], alphas[..., 0], color_of, texels.view(np.uint32)[..., 0]
+    )
     return texels
 
 
-def _baseline_size_px(jpeg: bytes) -> tuple[int, int]:
-    """Return width and height of a JPEG, when it is baseline 4:2:0 in one scan.
+def _decoded(
+    jpeg: bytes, num_tiles: int, *, grey: bool
+) -> UInt8[np.ndarray, "rows 16 cols 16 channels"]:
+    """Return a picture of tiles, RGBA or grey; its width says how many are beside each other."""
+    width_px, height_px = baseline_size_px(jpeg, grey=grey)
+    cols = max(1, width_px // TILE_PX)
+    rows = -(-num_tiles // cols)
+    if (width_px, height_px) != (cols * TILE_PX, rows * TILE_PX) or cols > MAX_COLS:
+        raise MpiFileError(
+            f"need a JPEG that {num_tiles} tiles just fill, got {width_px}x{height_px} pixels"
+        )
+    try:
+        # Fast upsampling repeats the chroma sample, so nothing comes in from the next tile.
+        picture = simplejpeg.decode_jpeg(
+            jpeg, colorspace="GRAY" if grey else "RGBA", fastupsample=True
+        )
+    except ValueError as error:
+        raise MpiFileError(f"unsound JPEG: {error}") from error
+    return picture.reshape(rows, TILE_PX, cols, TILE_PX, -1)
 
-    Progressive pictures and pictures of many scans are refused: every scan, of a few bytes, can
-    cost a decoder a walk over the whole picture.
-    """
-    size_px: tuple[int, int] | None = None
-    if jpeg[:2] != b"\xff\xd8":
-        raise MpiFileError("need a JPEG as payload")
-    at = 2
-    while True:
-        marker, length = jpeg[at : at + 2], int.from_bytes(jpeg[at + 2 : at + 4], "big")
-        body = jpeg[at + 4 : at + 2 + length]
-        if len(marker) < 2 or marker[0] != 0xFF or length < 2 or len(body) != length - 2:
-            raise MpiFileError("unsound JPEG: a segment is broken off")
-        at += 2 + length
-        if marker[1] in _FRAMES:
-            if marker[1] != _SOF0 or size_px is not None:
-                raise MpiFileError("need a baseline JPEG")
-            # precision, height, width, then id, sampling and table of each component
-            if len(body) != 15 or body[0] != 8 or (body[7], body[10], body[13]) != (34, 17, 17):
-                raise MpiFileError("need a JPEG of 8-bit YCbCr 4:2:0")
-            size_px = int.from_bytes(body[3:5], "big"), int.from_bytes(body[1:3], "big")
-        if marker[1] == _SOS:
-            break
-    after = _AFTER_SCAN.search(jpeg, at)
-    if size_px is None or body[:1] != b"\x03" or after is None:
-        raise MpiFileError("need a JPEG in one scan")
-    if jpeg[after.start() :] != bytes([0xFF, _EOI]):
-        raise MpiFileError("need a JPEG in one scan, with nothing behind it")
-    return size_px
+
+def _near_square(num_tiles: int) -> tuple[int, int]:
+    """Return rows and columns of tiles in a picture."""
+    cols = min(MAX_COLS, math.ceil(math.sqrt(num_tiles)))
+    return -(-num_tiles // cols), cols
+
+
+@cache
+def _beside() -> ThreadPoolExecutor:
+    """Return threads for one of the two pictures; neither holds the interpreter's lock for long."""
+    return ThreadPoolExecutor(thread_name_prefix="mpi-file")
+
+
+def _alpha_jpeg(tiles: UInt8[np.ndarray, "tiles 256"], rows: int, cols: int) -> bytes:
+    row_of_tile = np.dtype((np.void, TILE_PX))  # copied as one
+    lines = tiles.view(row_of_tile).reshape(rows, cols, TILE_PX).transpose(0, 2, 1)
+    picture = np.ascontiguousarray(lines).view(np.uint8)
+    return simplejpeg.encode_jpeg(
+        picture.reshape(rows * TILE_PX, cols * TILE_PX, 1),
+        quality=ALPHA_QUALITY,
+        colorspace="GRAY",
+        colorsubsampling="Gray",
+    )
+
+
+def _none_yet(stacks: _Stacks) -> Int32[np.ndarray, "stacks"]:
+    return np.full(int(stacks.max()) + 1, -1, dtype=np.int32)
 
 
 def _differences(texels: _Texels) -> UInt8[np.ndarray, "tiles 4 16 16"]:

@@ -23,6 +23,7 @@ from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.event_log import append
 from peaking.frame import Frame
 from peaking.generate.by_name import GeneratorName
+from peaking.mpi_file import is_current
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
@@ -380,12 +381,12 @@ class OpenSession:
         self.refresh_dataset()
 
     def _find_mpi(self, capture: wire.Capture) -> None:
-        """Take the newest MPI that is on the disk; when it is gone, it is made again.
+        """Take the newest MPI on the disk; when it is gone, or of an old format, it is made again.
 
         Its version stays what it was, so that an address never means something else.
         """
         mpi = self.mpi_path(capture.id, max(capture.mpi_version, 1))
-        if mpi.is_file():
+        if is_current(mpi):
             self._change(
                 capture.id,
                 state="ready",

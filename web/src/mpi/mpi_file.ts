@@ -14,8 +14,8 @@ export interface ParsedMpi {
   readonly places: Uint16Array<ArrayBuffer>;
   readonly numTiles: number;
   readonly codec: 'jpeg' | 'lossless';
-  /** Tiles beside each other in the JPEG. */
-  readonly atlasCols: number;
+  /** Row and column of every tile as one number: tiles of one stack lie behind each other. */
+  readonly stacks: Int32Array<ArrayBuffer>;
   readonly payload: Uint8Array<ArrayBuffer>;
 }
 
@@ -25,12 +25,12 @@ const MAX_FILE_BYTES = 256 * 2 ** 20;
 const MAX_HEADER_BYTES = 2 ** 20;
 /** How far RᵀR may be from the identity; `RIGID_TOLERANCE` of src/peaking/geometry.py. */
 const RIGID_TOLERANCE = 1e-3;
-const MAGIC = [0x50, 0x4b, 0x4d, 0x50, 0x49, 0x01, 0x0d, 0x0a];
+const MAGIC = [0x50, 0x4b, 0x4d, 0x50, 0x49, 0x02, 0x0d, 0x0a];
 
 export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
   const all = new Uint8Array(bytes);
   if (all.length < 16 || MAGIC.some((byte, i) => all[i] !== byte)) {
-    throw new MpiFileError('not an .mpi file of version 1');
+    throw new MpiFileError('not an .mpi file of version 2');
   }
   if (all.length > MAX_FILE_BYTES) {
     throw new MpiFileError(`need at most ${MAX_FILE_BYTES} bytes, got ${all.length}`);
@@ -54,6 +54,7 @@ export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
     throw new MpiFileError('the lengths in the header are not those of the file');
   }
   const occupancy = all.subarray(payloadAt, occupancyEnd);
+  const places = placesOf(occupancy, planes, rows, cols, header.num_tiles);
   return {
     camera: {
       pinhole: {
@@ -67,10 +68,11 @@ export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
       worldFromCam: rigid(header.world_from_cam.flat()),
     },
     planeDepths_m: Float64Array.from(header.plane_depths_m),
-    places: placesOf(occupancy, planes, rows, cols, header.num_tiles),
+    places,
     numTiles: header.num_tiles,
     codec: header.codec,
-    atlasCols: header.atlas_cols,
+    stacks: Int32Array.from({ length: header.num_tiles }, (_, tile) =>
+      (places[3 * tile + 1] ?? 0) * cols + (places[3 * tile + 2] ?? 0)),
     payload: new Uint8Array(bytes, occupancyEnd),
   };
 }
@@ -87,7 +89,6 @@ interface Header {
   readonly generator: string;
   readonly codec: 'jpeg' | 'lossless';
   readonly num_tiles: number;
-  readonly atlas_cols: number;
   readonly occupancy_bytes: number;
   readonly payload_bytes: number;
 }
@@ -111,7 +112,6 @@ function readHeader(text: Uint8Array): Header {
   whole('width_px', 1, 16384);
   whole('height_px', 1, 16384);
   whole('num_tiles', 0, 65536);
-  whole('atlas_cols', 1, 256);
   whole('occupancy_bytes', 0, 2 ** 22);
   whole('payload_bytes', 0, 2 ** 30);
   const finite = (values: readonly unknown[]): boolean => values.every(Number.isFinite);
