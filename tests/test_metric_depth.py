@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import logging
+import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,10 +15,12 @@ import pytest
 from jaxtyping import Float32, Float64
 
 from peaking.datasets.nerfstudio import Recording, open_recording
+from peaking.datasets.point_cloud import encode_points, seen_points
 from peaking.depth import complete
 from peaking.errors import PeakingError
 from peaking.frame import Frame
 from peaking.metric_depth import Captured, estimate_depth
+from peaking.mpi import Mpi
 from peaking.pipeline import LocalLightField
 from peaking.render import render
 from recordings import write_recording
@@ -28,6 +34,22 @@ the smooth error of the simulated estimate alone is about 0.01."""
 ERROR_BY_MATCHES = 0.15
 """The same from matched pixels alone. Worst measured: 0.107 (7-Scenes, 10 cm aside)."""
 
+RESIDUAL_OF_A_FEW_HUNDRED = 0.04
+"""Median relative residual of the fit to 300 points of the frame or to what it sees of 5000 of the
+recording. Worst measured: 0.030 (APC shelf, of the recording); elsewhere at most 0.016."""
+
+PSNR_LOST_DB = 0.6
+"""By the MPI of such points in the place of the sensor's whole depth map, of a view a step aside.
+Worst measured: 0.46 (APC shelf), elsewhere at most 0.23. At the guessed range 1.9 to 13 are lost
+(but on 7-Scenes to one side, where poses are off and a guess happens to be 1.1 better)."""
+
+HIDDEN_SHARE = 0.05
+"""Of the points that a frame takes of a cloud of 5000. Worst measured: 0.014 (7-Scenes), of
+0.019 to 0.144 among all that project into it."""
+
+measured = logging.getLogger("measured")
+"""Shown by `pytest --log-cli-level=INFO`."""
+
 BESIDE = Path(__file__).parent.parent.parent / "shared/data"
 DESK = Path(__file__).parent.parent / "scenes/desk"
 STEPS = {DESK: 4, **{p.parent: 1 for p in sorted(BESIDE.glob("*/depths"))}}
@@ -39,6 +61,8 @@ if (BESIDE / "7scenes_redkitchen") in STEPS:
 class Three:
     """Three frames in a row of the working size, and what the hidden sensor said of them."""
 
+    recording: Recording
+    middle: int
     frames: list[Frame]
     depths_m: list[Float32[np.ndarray, "h w"]]
     captured: list[Captured]
@@ -62,7 +86,7 @@ def three_of(recording: Recording, step: int) -> Three:
         depths_m.append(complete(frame.depth_m, frame.rgb))
         estimator.tell(frame.rgb, depths_m[-1])
     captured = [Captured(frame, field.mpi_of(frame), metric=True) for frame in frames]
-    return Three(frames, depths_m, captured, estimator)
+    return Three(recording, middle, frames, depths_m, captured, estimator)
 
 
 @pytest.fixture(scope="module", params=STEPS, ids=lambda path: path.name)
@@ -90,6 +114,89 @@ def tracked_points_m(frame: Frame) -> Float64[np.ndarray, "n 3"]:
 def test_from_tracked_points(three: Three) -> None:
     frame = replace(hidden(three.frames[1]), points_m=tracked_points_m(three.frames[1]))
     assert three.error(frame, []) < ERROR_WITH_POINTS
+
+
+def sampled_m(
+    recording: Recording, indices: Sequence[int], count: int
+) -> Float64[np.ndarray, "n 3"]:
+    """Return points of the sensor's depth in the world, as many of every frame."""
+    generator = np.random.default_rng(0)
+    points_m: list[Float64[np.ndarray, "n 3"]] = []
+    for index in indices:
+        frame = recording.read(index)
+        assert frame.depth_m is not None
+        known = np.argwhere(frame.depth_m > 0)
+        rows, cols = generator.choice(known, count // len(indices)).T
+        rays = frame.camera.resized(*frame.depth_m.shape[::-1]).pinhole.rays()[rows, cols]
+        in_camera_m = rays * frame.depth_m[rows, cols, None].astype(np.float64)
+        points_m.append(frame.camera.world_from_cam.apply(in_camera_m))
+    return np.concatenate(points_m)
+
+
+def sampled_everywhere_m(recording: Recording) -> Float64[np.ndarray, "n 3"]:
+    """Return a cloud of 5000 points, of 40 frames from begin to end."""
+    indices = np.linspace(0, len(recording) - 1, min(len(recording), 40)).astype(int)
+    return sampled_m(recording, indices.tolist(), 5000)
+
+
+def with_points_for_depth(recording: Recording, index: int, folder: Path, *, own: bool) -> Frame:
+    """Write a frame as a recording without depth, with 300 points of its own or 5000 of all."""
+    entry = dict(recording.views[index].entry)
+    del entry["depth_file_path"]
+    picture = folder / entry["file_path"]
+    picture.parent.mkdir(parents=True)
+    shutil.copy(recording.root / recording.views[index].picture, picture)
+    points_m = sampled_m(recording, [index], 300) if own else sampled_everywhere_m(recording)
+    (folder / "points.ply").write_bytes(encode_points(points_m))
+    top = {**recording.top, "frames": [entry]}
+    (entry if own else top)["ply_file_path"] = "points.ply"
+    (folder / "transforms.json").write_text(json.dumps(top))
+    return open_recording(folder).read(0)
+
+
+def psnrs_db(mpis: Sequence[Mpi], live: Frame) -> list[float]:
+    """Return the PSNR of each one's view over what all of them cover."""
+    views = [render(mpi, live.camera) for mpi in mpis]
+    covered = np.all([view.alpha >= 0.95 for view in views], axis=0)
+    errors = [(view.rgba[..., :3] - live.rgb / 255.0)[covered] for view in views]
+    return [float(-10 * np.log10(np.mean(error**2))) for error in errors]
+
+
+def hidden_share(points_m: Float64[np.ndarray, "n 3"], frame: Frame) -> float:
+    """Return how many of the points in a picture are more than a tenth behind the sensor's."""
+    assert frame.depth_m is not None
+    height, width = frame.depth_m.shape
+    xy_px, depth_m = frame.camera.resized(width, height).px_from_world(points_m)
+    inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < (width, height))).all(axis=1)
+    cols, rows = xy_px[inside].astype(int).T
+    sensor_m, depth_m = frame.depth_m[rows, cols], depth_m[inside]
+    known = sensor_m > 0
+    return float((depth_m[known] > 1.1 * sensor_m[known]).mean())
+
+
+def test_few_of_the_points_that_a_frame_takes_of_a_cloud_are_hidden(three: Three) -> None:
+    frame, cloud_m = three.frames[1], sampled_everywhere_m(three.recording)
+    of_all = hidden_share(cloud_m, frame)
+    of_taken = hidden_share(seen_points(cloud_m, frame.camera), frame)
+    measured.info("hidden of all, of those taken: %.4f %.4f", of_all, of_taken)
+    assert of_taken < min(of_all / 2, HIDDEN_SHARE)
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["own", "shared"])
+def test_a_recording_with_a_few_hundred_points_in_the_place_of_depth(
+    three: Three, own: bool, tmp_path: Path
+) -> None:
+    frame = with_points_for_depth(three.recording, three.middle, tmp_path, own=own)
+    field = LocalLightField(estimator=three.estimator)
+    fit = estimate_depth(field.prepare(frame), three.estimator, []).fit
+    assert fit is not None
+    measured.info("residual of %d points: %.4f", fit.num_points, fit.residual)
+    assert fit.residual < RESIDUAL_OF_A_FEW_HUNDRED
+    made, guessed = (field.captured(f).mpi for f in (frame, replace(frame, points_m=None)))
+    for aside in (three.frames[0], three.frames[2]):
+        psnr_db = psnrs_db([three.captured[1].mpi, made, guessed], aside)
+        measured.info("PSNR of sensor, points, guess: %.2f %.2f %.2f", *psnr_db)
+        assert psnr_db[1] > psnr_db[0] - PSNR_LOST_DB
 
 
 def test_from_a_few_samples_of_a_sensor(three: Three) -> None:

@@ -581,6 +581,7 @@ KEYS = [
     *("camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k4", "p2", "camera_angle_x"),
     *("file_path", "depth_file_path", "depth_path", "transform_matrix", "timestamp", "frames"),
     *("applied_scale", "depth_unit_scale_factor", "integer_depth_scale", "is_fisheye"),
+    "ply_file_path",
 ]
 
 

@@ -19,7 +19,8 @@ class Frame:
     """One picture with its camera and, where the device gave it, metric depth.
 
     `depth_m` covers the same field of view as `rgb` at any size of the same aspect; 0 = unknown.
-    `points_m` are points of the world that the device tracked in it, where it tells them.
+    `points_m` are points of the world that are seen in it, where something tells them: a device
+    that tracks features, or the point cloud of a recording. Some may be wrong.
     """
 
     name: str

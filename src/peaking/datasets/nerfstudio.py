@@ -1,5 +1,8 @@
 """Recordings as nerfstudio keeps them: transforms.json, pictures, and depth where there is any.
 
+Frames without a depth map bring the points that they see of a point cloud: their own, or that of
+the whole recording (`ply_file_path`).
+
 All that can be wrong with a recording is found when it is opened, from transforms.json and the
 headers of the files; pixels are decoded when a frame is read.
 """
@@ -15,8 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 
 from peaking.datasets.lens import Lens
+from peaking.datasets.point_cloud import check_points, read_points, seen_points
 from peaking.datasets.stored_images import (
     depth_size_px,
     picture_size_px,
@@ -53,6 +58,9 @@ class RecordedView:
     lens: Lens
     camera: Camera
     timestamp_s: float | None
+    points: Path | None
+    """A point cloud, where there is no depth map."""
+    points_unit_m: float
     entry: Json
 
 
@@ -91,6 +99,9 @@ class Recording:
     def read(self, index: int) -> Frame:
         """Decode one picture and its depth, and take the lens's distortion out of both.
 
+        Without a depth map, `points_m` are the points of the view's own cloud, or those of the
+        recording's that lie in the picture and are not hidden (`seen_points`).
+
         Raises:
             IndexError: There is no such view.
             RecordingError: A file is damaged or cut off, is not what it was when the recording was
@@ -112,7 +123,20 @@ class Recording:
             camera=view.camera,
             depth_m=depth_m,
             timestamp_s=view.timestamp_s,
+            points_m=self._points_m(view),
         )
+
+    def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
+        if view.points is None:
+            return None
+        if "ply_file_path" in view.entry:
+            return read_points(self.root / view.points) * view.points_unit_m
+        return seen_points(self._cloud * view.points_unit_m, view.camera)
+
+    @cached_property
+    def _cloud(self) -> Float64[np.ndarray, "n 3"]:
+        """The points of the whole recording, in the units of the file."""
+        return read_points(self.root / self.top["ply_file_path"])
 
 
 def open_recording(root: Path) -> Recording:
@@ -138,7 +162,7 @@ def open_recording(root: Path) -> Recording:
 def write_recording_subset(recording: Recording, indices: Sequence[int], out: Path) -> Recording:
     """Write some views of a recording as a data set of its own, and return it opened.
 
-    Pictures, depth maps, masks and the point cloud are copied byte for byte under their own names;
+    Pictures, depth maps, masks and point clouds are copied byte for byte under their own names;
     all fields are kept, and every frame says as `source_index` which view it was. What was written
     is read back and compared; `out` appears only when it is complete.
 
@@ -174,8 +198,11 @@ def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
     world_from_cam = pose_of(fields, applied_scale)
     lens = lens_of(fields, picture_size_px(root / picture))
     depth, depth_unit_m = depth_of(fields) or (None, 0.001)
+    points = None
     if depth is not None:
         _check_aspect(root / depth, lens)
+    elif (points := fields.file("ply_file_path")) is not None:
+        check_points(root / points)
     has_time = fields.own.get("timestamp") is not None
     return RecordedView(
         name=picture.stem,
@@ -185,6 +212,8 @@ def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
         lens=lens,
         camera=Camera(lens.pinhole, world_from_cam),
         timestamp_s=fields.number("timestamp") if has_time else None,
+        points=points,
+        points_unit_m=1.0 / applied_scale,
         entry=fields.own,
     )
 
@@ -228,7 +257,8 @@ def _files_of(recording: Recording, chosen: Sequence[RecordedView]) -> list[Path
     path = recording.root / FILE_NAME
     files = {view.picture: None for view in chosen}
     files |= {view.depth: None for view in chosen if view.depth is not None}
-    asides = [Fields(path, view.entry, {}).file("mask_path") for view in chosen]
+    own = [Fields(path, view.entry, {}) for view in chosen]
+    asides = [fields.file(key) for key in ("mask_path", "ply_file_path") for fields in own]
     asides.append(Fields(path, recording.top, {}).file("ply_file_path"))
     files |= {aside: None for aside in asides if aside is not None}
     return list(files)

@@ -1,0 +1,169 @@
+"""Point clouds as .ply files, and which of their points a camera sees.
+
+A cloud of a whole data set (nerfstudio's `ply_file_path`) does not say which picture saw a point.
+What lies behind the nearest point of its part of the picture counts as hidden; a few that are not
+do no harm, since depth is fitted robustly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from peaking.errors import RecordingError
+from peaking.geometry import Camera
+
+PARTS = 32
+"""The longer side of a picture is cut into so many parts, to look for what hides what."""
+
+BEHIND = 1.1
+"""So many times as far as the nearest point of its part, and a point counts as hidden."""
+
+MOST_POINTS = 200_000
+"""Of a larger cloud, every second, third … point is taken."""
+
+_HEAD_BYTES = 1 << 16
+_TYPES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
+_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_AGAIN = "export the points again as .ply (x, y, z), or remove ply_file_path"
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What the header of a .ply says of its vertices, which come first."""
+
+    start: int
+    order: str
+    count: int
+    properties: tuple[tuple[str, str], ...]
+
+
+def check_points(path: Path) -> None:
+    """Read the header of a .ply.
+
+    Raises:
+        RecordingError: The file cannot be read, is no .ply, or its vertices have no x, y, z.
+    """
+    _layout(path, _bytes(path, _HEAD_BYTES))
+
+
+def read_points(path: Path) -> Float64[np.ndarray, "n 3"]:
+    """Read the points of a .ply, ascii or binary; those that are not finite are left out.
+
+    At most `MOST_POINTS`, taken at even steps.
+
+    Raises:
+        RecordingError: As `check_points`, or the file is cut off.
+    """
+    data = _bytes(path)
+    layout = _layout(path, data)
+    names = [name for name, _ in layout.properties]
+    if layout.order:
+        kind = np.dtype([(name, layout.order + code) for name, code in layout.properties])
+        if len(data) - layout.start < layout.count * kind.itemsize:
+            raise _cut_off(path, layout)
+        vertices = np.frombuffer(data, kind, layout.count, layout.start)
+        columns = [vertices[name].astype(np.float64) for name in ("x", "y", "z")]
+    else:
+        words = data[layout.start :].split()[: layout.count * len(names)]
+        if len(words) < layout.count * len(names):
+            raise _cut_off(path, layout)
+        try:
+            table = np.array(words, dtype=np.float64).reshape(layout.count, len(names))
+        except ValueError as error:
+            raise RecordingError(path, f"holds no numbers ({error})", remedy=_AGAIN) from error
+        columns = [table[:, names.index(name)] for name in ("x", "y", "z")]
+    points = np.stack(columns, axis=1)
+    points = points[np.isfinite(points).all(axis=1)]
+    return points[:: max(1, -(-len(points) // MOST_POINTS))]
+
+
+def encode_points(points_m: Float[np.ndarray, "n 3"]) -> bytes:
+    """Return a .ply of points: binary, little endian, float32."""
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points_m)}"]
+    head += [f"property float {name}" for name in "xyz"]
+    return "\n".join([*head, "end_header", ""]).encode() + points_m.astype("<f4").tobytes()
+
+
+def seen_points(points_m: Float64[np.ndarray, "n 3"], camera: Camera) -> Float64[np.ndarray, "m 3"]:
+    """Return the points of a cloud that lie in a camera's picture and are not hidden there.
+
+    The picture is cut into squares, `PARTS` along its longer side. In each, what is more than
+    `BEHIND` times as far as the nearest point is left out. Where a cloud is so sparse that a square
+    holds nothing of what hides a point, the point is kept.
+    """
+    xy_px, depth_m = camera.px_from_world(points_m)
+    size_px = np.array(camera.pinhole.size_px)
+    inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < size_px)).all(axis=1)
+    points_m, xy_px, depth_m = points_m[inside], xy_px[inside], depth_m[inside]
+    x, y = (xy_px * PARTS / size_px.max()).astype(np.int64).T
+    part = y * PARTS + x
+    nearest_m = np.full(PARTS * PARTS, np.inf)
+    np.minimum.at(nearest_m, part, depth_m)
+    return points_m[depth_m <= BEHIND * nearest_m[part]]
+
+
+def _layout(path: Path, data: bytes) -> _Layout:
+    head, mark, _ = data.partition(b"end_header")
+    end = data.find(b"\n", len(head))
+    lines = [line.split() for line in head.decode("ascii", errors="replace").splitlines()]
+    if not mark or end < 0 or lines[:1] != [["ply"]]:
+        raise RecordingError(path, "is no .ply file", remedy=_AGAIN)
+    order: str | None = None
+    elements: list[tuple[str, str]] = []
+    properties: list[tuple[str, str]] = []
+    for words in lines[1:]:
+        match words:
+            case ["format", kind, "1.0"] if kind in _FORMATS:
+                order = _FORMATS[kind]
+            case ["element", name, count] if count.isdecimal() and len(count) < 12:
+                elements.append((name, count))
+            case ["property", kind, name] if kind in _TYPES and len(elements) == 1:
+                properties.append((name, _TYPES[kind]))
+            case ["property", *_] if len(elements) > 1:
+                pass  # of what comes after the vertices
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                said = " ".join(words)[:60]
+                raise RecordingError(path, f"has a header line {said!r}", remedy=_AGAIN)
+    names = [name for name, _ in properties]
+    if order is None or not elements or elements[0][0] != "vertex" or len(set(names)) != len(names):
+        raise RecordingError(path, "does not begin with vertices", remedy=_AGAIN)
+    if not {"x", "y", "z"} <= set(names):
+        raise RecordingError(path, "has vertices without x, y and z", remedy=_AGAIN)
+    return _Layout(end + 1, order, int(elements[0][1]), tuple(properties))
+
+
+def _cut_off(path: Path, layout: _Layout) -> RecordingError:
+    return RecordingError(path, f"is cut off: need {layout.count} points", remedy=_AGAIN)
+
+
+def _bytes(path: Path, count: int = -1) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise RecordingError(
+            path, f"cannot be read ({error.strerror})", remedy="check the file and its rights"
+        ) from error
