@@ -40,6 +40,16 @@ def depth_mm(number: int = 0) -> np.ndarray:
     return depth
 
 
+def points_m(number: int = 0) -> np.ndarray:
+    """Return 20 tracked points on the wall and 20 on the box of `depth_mm`, in the world."""
+    generator = np.random.default_rng(number)
+    depth_m = np.repeat([2.0 + number % 1000 / 1000, 1.0], 20)
+    x_px = np.concatenate([generator.uniform(42, WIDTH, 20), generator.uniform(17, 39, 20)])
+    y_px = np.concatenate([generator.uniform(0, HEIGHT, 20), generator.uniform(41, 79, 20)])
+    along = np.stack([x_px - WIDTH / 2, y_px - HEIGHT / 2, np.full(40, 90.0)], axis=1) / 90.0
+    return (along * depth_m[:, None] + [0.05 * number, 0, 0]).astype("<f4")
+
+
 def header(number: int = 0, **changes: Any) -> dict[str, Any]:
     """Return the header of a good upload; `None` removes a field."""
     fields: dict[str, Any] = {
@@ -71,3 +81,9 @@ def body_of(fields: dict[str, Any], rest: bytes) -> bytes:
 def upload(number: int = 0) -> bytes:
     """Return a good upload."""
     return body_of(header(number), photo(number) + depth_mm(number).tobytes())
+
+
+def upload_without_depth(number: int = 0) -> bytes:
+    """Return a good upload that brings tracked points in the place of depth."""
+    fields = header(number, depth=None, points=len(points_m(number)))
+    return body_of(fields, photo(number) + points_m(number).tobytes())

@@ -15,7 +15,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture_uploads import capture_id, depth_mm, new_session, photo, upload
+from capture_uploads import (
+    capture_id,
+    depth_mm,
+    new_session,
+    photo,
+    points_m,
+    upload,
+    upload_without_depth,
+)
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import RecordingError
 from peaking.geometry import Camera, Pinhole, Rigid
@@ -66,6 +74,26 @@ def test_a_capture_is_read_back_as_it_was(tmp_path: Path) -> None:
     np.testing.assert_allclose(frame.depth_m * 1000, depth_mm(1), atol=1e-3)
     assert frame.camera.position_m[0] == pytest.approx(0.05)
     assert again.unfinished("layered") == [capture_id(1)]
+
+
+def test_tracked_points_are_kept_and_are_in_the_data_set(tmp_path: Path) -> None:
+    session = begun(tmp_path)
+    session.store_capture(capture_id(1), parse_upload(upload_without_depth(1)))
+    session.refresh_dataset()
+    again = reopened(tmp_path)
+    frame = again.frame_of(capture_id(1))
+    assert frame.depth_m is None
+    np.testing.assert_array_equal(np.asarray(frame.points_m), points_m(1))
+    assert [name for name, _ in again.dataset_files()] == [
+        "transforms.json",
+        "images/000001.jpg",
+        "points/000001.ply",
+    ]
+    recorded = open_recording(again.folder).read(0)
+    np.testing.assert_array_equal(np.asarray(recorded.points_m), points_m(1))
+    again.remove_capture(capture_id(1))
+    assert (again.folder / "removed/points/000001.ply").is_file()
+    np.testing.assert_array_equal(np.asarray(again.frame_of(capture_id(1)).points_m), points_m(1))
 
 
 def test_the_same_id_is_kept_once(tmp_path: Path) -> None:

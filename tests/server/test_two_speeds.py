@@ -15,7 +15,16 @@ from jaxtyping import Float32, UInt8
 from starlette.testclient import TestClient
 
 from adampi_checkpoints import write_checkpoint
-from capture_uploads import SESSION_ID, body_of, capture_id, header, new_session, photo, upload
+from capture_uploads import (
+    SESSION_ID,
+    body_of,
+    capture_id,
+    header,
+    new_session,
+    photo,
+    upload,
+    upload_without_depth,
+)
 from peaking.errors import PeakingError, WeightsError
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
@@ -138,16 +147,20 @@ class WallWithBox:
         return cv2.resize(relative, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def test_a_photo_without_depth_is_guessed_until_a_neighbour_tells_its_scale(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def estimating(monkeypatch: pytest.MonkeyPatch) -> Options:
     def wall_with_box(model: str, *, device: str) -> WallWithBox:
         del model, device
         return WallWithBox()
 
     monkeypatch.setattr(generation, "estimator_named", wall_with_box)
-    options = replace(DEFAULT, depth_model="wall-with-box")
-    with client_of(tmp_path, options) as client:
+    return replace(DEFAULT, depth_model="wall-with-box")
+
+
+def test_a_photo_without_depth_is_guessed_until_a_neighbour_tells_its_scale(
+    tmp_path: Path, estimating: Options
+) -> None:
+    with client_of(tmp_path, estimating) as client:
         client.post("/api/v1/sessions", json=new_session())
         without = body_of(header(1, depth=None), photo(1))
         assert client.post(capture_path(1), content=without).status_code == 201
@@ -159,3 +172,20 @@ def test_a_photo_without_depth_is_guessed_until_a_neighbour_tells_its_scale(
         mpi: Mpi = decode(client.get(f"{capture_path(1)}/mpi/2").content)
         assert mpi.plane_depths_m[0] == pytest.approx(2.0, rel=0.1)
         assert mpi.plane_depths_m[-1] == pytest.approx(1.0, rel=0.1)
+
+
+def test_tracked_points_tell_the_scale_of_a_photo_without_depth(
+    tmp_path: Path, estimating: Options
+) -> None:
+    with client_of(tmp_path, estimating) as client:
+        client.post("/api/v1/sessions", json=new_session())
+        assert client.post(capture_path(1), content=upload_without_depth(1)).status_code == 201
+        made = wait_for(client, 1, lambda c: c["state"] != "queued")
+        assert (made["state"], made["guessed"], made["mpi_version"]) == ("ready", False, 1)
+        mpi: Mpi = decode(client.get(f"{capture_path(1)}/mpi/1").content)
+        assert mpi.plane_depths_m[0] == pytest.approx(2.0, rel=0.1)
+        assert mpi.plane_depths_m[-1] == pytest.approx(1.0, rel=0.1)
+        broken = body_of(header(2, depth=None, points=1), photo(2) + b"\xff" * 12)
+        refused = client.post(capture_path(2), content=broken)
+        assert refused.status_code == 422
+        assert "Point 0 is (nan" in refused.json()["problem"]

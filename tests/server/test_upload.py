@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture_uploads import body_of, depth_mm, header, photo, upload
+from capture_uploads import (
+    body_of,
+    depth_mm,
+    header,
+    photo,
+    points_m,
+    upload,
+    upload_without_depth,
+)
 from peaking.server.upload import BadUpload, parse_upload
 
 
@@ -28,7 +36,28 @@ def test_a_good_upload_comes_apart() -> None:
 
 
 def test_depth_may_be_missing() -> None:
-    assert parse_upload(body_of(header(depth=None), photo())).depth_mm is None
+    parsed = parse_upload(body_of(header(depth=None), photo()))
+    assert parsed.depth_mm is None
+    assert parsed.points_m is None
+
+
+def test_tracked_points_come_after_depth_or_in_its_place() -> None:
+    parsed = parse_upload(upload_without_depth(3))
+    assert parsed.depth_mm is None
+    np.testing.assert_array_equal(np.asarray(parsed.points_m), points_m(3))
+    rest = photo(3) + depth_mm(3).tobytes() + points_m(3).tobytes()
+    parsed = parse_upload(body_of(header(3, points=40), rest))
+    np.testing.assert_array_equal(np.asarray(parsed.depth_mm), depth_mm(3))
+    np.testing.assert_array_equal(np.asarray(parsed.points_m), points_m(3))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 2e5])
+def test_points_that_are_no_places_are_named(wrong: float) -> None:
+    points = points_m()
+    points[7, 1] = wrong
+    fields = header(depth=None, points=40)
+    with pytest.raises(BadUpload, match=r"Point 7 is \(.*metres of the world"):
+        parse_upload(body_of(fields, photo() + points.tobytes()))
 
 
 @pytest.mark.parametrize(
@@ -44,6 +73,11 @@ def test_depth_may_be_missing() -> None:
         (header(depth={"width_px": 15, "height_px": 31}), "bytes of depth"),
         (header(depth={"width_px": 32, "height_px": 15}), "aspect"),
         (header(depth={"width_px": 0, "height_px": 0}), "width_px"),
+        (header(points=1), "12"),
+        (header(points=-1), "points"),
+        (header(points=20_001), "points"),
+        (header(points=1.5), "points"),
+        (header(points=[[0, 0, 1]]), "points"),
         (header(camera=camera(fx_px=0.0)), "fx_px"),
         (header(camera=camera(fx_px=1e9)), "fx_px"),
         (header(camera=camera(width_px=61)), "61x128"),
@@ -86,9 +120,9 @@ def test_any_bytes_are_a_sentence(body: bytes) -> None:
         parse_upload(body)
 
 
-@given(st.integers(0, 20_000), st.binary(min_size=1, max_size=8))
-def test_any_damage_is_an_upload_or_a_sentence(at: int, damage: bytes) -> None:
-    good = upload()
+@given(st.booleans(), st.integers(0, 20_000), st.binary(min_size=1, max_size=8))
+def test_any_damage_is_an_upload_or_a_sentence(with_depth: bool, at: int, damage: bytes) -> None:
+    good = upload() if with_depth else upload_without_depth()
     body = bytearray(good)
     at = at % len(good)
     body[at : at + len(damage)] = damage

@@ -25,13 +25,14 @@ export interface DepthLayout {
   readonly height_px: number;
 }
 
-/** The first part of an upload: what the bytes after it are. An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth`. */
+/** The first part of an upload: what the bytes after it are. An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth | points`. */
 export interface CaptureHeader {
   readonly protocol: number;
   readonly camera: Camera;
   readonly time_s: number;
   readonly photo_bytes: number;
   readonly depth?: DepthLayout | null;
+  readonly points?: number;
 }
 
 /** One captured view, as the server holds it. */

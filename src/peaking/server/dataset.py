@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,22 +28,30 @@ def depth_name(number: int) -> str:
     return f"depth/{number:06d}.png"
 
 
+def points_name(number: int) -> str:
+    """Return where its tracked points lie: .ply, metres of the world."""
+    return f"points/{number:06d}.ply"
+
+
 def transforms_json(frames: Iterable[str]) -> bytes:
     """Return nerfstudio's transforms.json of frames as `frame_json` gives them."""
     top = '{\n "camera_model": "OPENCV",\n "depth_unit_scale_factor": 0.001,\n "frames": [\n'
     return (top + ",\n".join(frames) + "\n ]\n}\n").encode()
 
 
-def frame_json(capture: wire.Capture, *, has_depth: bool) -> str:
-    """Return a capture as an entry of transforms.json; it never changes."""
-    return json.dumps(_frame(capture, has_depth))
+def frame_json(capture: wire.Capture, files: Collection[str]) -> str:
+    """Return a capture, which has these files, as an entry of transforms.json; never changes."""
+    frame = _frame(capture)
+    number = capture.number
+    asides = {"depth_file_path": depth_name(number), "ply_file_path": points_name(number)}
+    return json.dumps(frame | {key: name for key, name in asides.items() if name in files})
 
 
-def _frame(capture: wire.Capture, has_depth: bool) -> dict[str, object]:
+def _frame(capture: wire.Capture) -> dict[str, object]:
     k = capture.camera.pinhole
     matrix = np.eye(4)
     matrix[:3] = np.array(capture.camera.world_from_cam).reshape(3, 4)
-    frame: dict[str, object] = {
+    return {
         "file_path": photo_name(capture.number),
         "w": k.width_px,
         "h": k.height_px,
@@ -55,9 +63,6 @@ def _frame(capture: wire.Capture, has_depth: bool) -> dict[str, object]:
         "timestamp": capture.time_s,
         "capture_id": capture.id,
     }
-    if has_depth:
-        frame["depth_file_path"] = depth_name(capture.number)
-    return frame
 
 
 class _Outbox(io.RawIOBase):

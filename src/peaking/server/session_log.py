@@ -32,13 +32,14 @@ class SessionBegun(Event, frozen=True, tag="SessionBegun"):
 
 
 class CaptureStored(Event, frozen=True, tag="CaptureStored"):
-    """Photo and depth are on the disk: the moment from which a capture exists."""
+    """Photo, depth and points are on the disk: the moment from which a capture exists."""
 
     id: str
     number: int
     camera: wire.Camera
     time_s: float
     depth: bool
+    points: bool = False
 
 
 class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):

@@ -1,8 +1,8 @@
 """Sessions on disk: folders that are data sets, and nothing acknowledged is ever lost.
 
-A capture exists from the moment its line is in the session's log; by then its photo and its depth
-are on the disk. transforms.json, thumbnails and MPIs follow from that and are made again when
-missing. An undo moves files to `removed/`; nothing is deleted.
+A capture exists from the moment its line is in the session's log; by then its photo, depth and
+points are on the disk. transforms.json, thumbnails and MPIs follow from that and are made again
+when missing. An undo moves files to `removed/`; nothing is deleted.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 
+from peaking.datasets.point_cloud import encode_points, read_points
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.event_log import append
@@ -26,7 +27,13 @@ from peaking.generate.by_name import GeneratorName
 from peaking.mpi_file import is_current
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
-from peaking.server.dataset import depth_name, frame_json, photo_name, transforms_json
+from peaking.server.dataset import (
+    depth_name,
+    frame_json,
+    photo_name,
+    points_name,
+    transforms_json,
+)
 from peaking.server.durable import DiskFull, flush_names, room_explained, write_durably
 from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
@@ -36,7 +43,10 @@ FAST: GeneratorName = "layered"
 """The generator whose MPIs are made at once."""
 
 ERASED = "The session was erased."
-FOLDERS = ("images", "depth", "mpi", "removed/images", "removed/depth")
+KEPT = ("images", "depth", "points")
+"""Folders of what was sent."""
+
+FOLDERS = (*KEPT, "mpi", *(f"removed/{name}" for name in KEPT))
 _log = logging.getLogger("peaking.server")
 
 
@@ -63,7 +73,7 @@ class OpenSession:
         self._lock = threading.RLock()
         self._log = SessionLog(folder / session_log.FILE_NAME)
         self._captures: dict[str, wire.Capture] = {}
-        self._with_depth: set[str] = set()
+        self._files: dict[str, list[str]] = {}
         self._entries: dict[str, str] = {}
         self._number = 0
         self._erased = False
@@ -146,15 +156,19 @@ class OpenSession:
             RecordingError: Its files cannot be read.
         """
         capture = self.capture(capture_id)
-        depth_m = None
-        if capture_id in self._with_depth:
-            depth_m = read_depth(self._path(capture, depth_name(capture.number)), 0.001)
+        files = self._files[capture_id]
+        depth_m = points_m = None
+        if (name := depth_name(capture.number)) in files:
+            depth_m = read_depth(self._path(capture, name), 0.001)
+        if (name := points_name(capture.number)) in files:
+            points_m = read_points(self._path(capture, name))
         return Frame(
             name=f"{capture.number:06d}",
             rgb=read_picture(self.photo_path(capture_id)),
             camera=camera_of_wire(capture.camera),
             depth_m=depth_m,
             timestamp_s=float(capture.time_s),
+            points_m=points_m,
         )
 
     def photo_path(self, capture_id: str) -> Path:
@@ -174,10 +188,7 @@ class OpenSession:
             for capture in self._captures.values():
                 if capture.removed:
                     continue
-                files.append((photo_name(capture.number), self.photo_path(capture.id)))
-                if capture.id in self._with_depth:
-                    name = depth_name(capture.number)
-                    files.append((name, self._path(capture, name)))
+                files += [(name, self._path(capture, name)) for name in self._files[capture.id]]
             return files
 
     def peaked(self) -> list[wire.PeakedSample]:
@@ -208,17 +219,21 @@ class OpenSession:
                 camera=header.camera,
                 time_s=header.time_s,
                 depth=upload.depth_mm is not None,
+                points=upload.points_m is not None,
             )
-            photo, depth = self.folder / photo_name(number), self.folder / depth_name(number)
+            files = {photo_name(number): upload.photo}
+            if upload.depth_mm is not None:
+                files[depth_name(number)] = encode_png(upload.depth_mm)
+            if upload.points_m is not None:
+                files[points_name(number)] = encode_points(upload.points_m)
             try:
                 with room_explained():
-                    write_durably(photo, upload.photo)
-                    if upload.depth_mm is not None:
-                        write_durably(depth, encode_png(upload.depth_mm))
+                    for name, data in files.items():
+                        write_durably(self.folder / name, data)
                     self._log.append(stored)
             except DiskFull:
-                photo.unlink(missing_ok=True)
-                depth.unlink(missing_ok=True)
+                for name in files:
+                    (self.folder / name).unlink(missing_ok=True)
                 raise
             self._replay(stored)
             return self._captures[capture_id], True
@@ -339,8 +354,8 @@ class OpenSession:
                     time_s=event.time_s,
                     state="queued",
                 )
-                if event.depth:
-                    self._with_depth.add(event.id)
+                sent = ((photo_name, True), (depth_name, event.depth), (points_name, event.points))
+                self._files[event.id] = [name_of(event.number) for name_of, there in sent if there]
             case session_log.CaptureRemoved():
                 self._change(event.id, removed=True)
             case session_log.MpiMade():
@@ -404,7 +419,7 @@ class OpenSession:
                 os.truncate(path, whole)
 
     def _move_aside(self, capture: wire.Capture) -> None:
-        for name in (photo_name(capture.number), depth_name(capture.number)):
+        for name in self._files[capture.id]:
             with contextlib.suppress(FileNotFoundError):
                 (self.folder / name).rename(self.folder / "removed" / name)
 
@@ -415,8 +430,7 @@ class OpenSession:
         kept = [c for c in self._captures.values() if not c.removed]
         for capture in kept:
             if capture.id not in self._entries:
-                has_depth = capture.id in self._with_depth
-                self._entries[capture.id] = frame_json(capture, has_depth=has_depth)
+                self._entries[capture.id] = frame_json(capture, self._files[capture.id])
         return transforms_json(self._entries[capture.id] for capture in kept)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 import simplejpeg
-from jaxtyping import UInt16
+from jaxtyping import Float32, UInt16
 
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.server import wire
@@ -17,6 +17,11 @@ MOST_HEADER_BYTES = 20_000
 MOST_PHOTO_PIXELS = 40_000_000
 PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
 """Where the principal point may lie, in sizes of the picture: crops move it, not further."""
+
+FARTHEST_M = 1e5
+"""Coordinates of tracked points lie within this, as those of cameras do."""
+
+BYTES_OF_POINT = 12
 
 
 class BadUpload(Exception):
@@ -30,11 +35,19 @@ class BadUpload(Exception):
 
 @dataclass(frozen=True)
 class Upload:
-    """A capture as it was sent: camera, photo, and depth in millimetres where there is any."""
+    """A capture as it was sent: camera, photo, and what the phone knows about distances.
+
+    Attributes:
+        header: What it says of itself.
+        photo: A JPEG.
+        depth_mm: Along +z, 0 = unknown.
+        points_m: Tracked points, in the world.
+    """
 
     header: wire.CaptureHeader
     photo: bytes
     depth_mm: UInt16[np.ndarray, "h w"] | None
+    points_m: Float32[np.ndarray, "n 3"] | None = None
 
 
 def parse_upload(body: bytes) -> Upload:
@@ -56,9 +69,18 @@ def parse_upload(body: bytes) -> Upload:
             f"The upload is cut off: photo_bytes is {header.photo_bytes}, {len(rest)} came.",
             status=400,
         )
-    photo, depth = rest[: header.photo_bytes], rest[header.photo_bytes :]
+    photo, rest = rest[: header.photo_bytes], rest[header.photo_bytes :]
     _check_photo(photo, header.camera.pinhole)
-    return Upload(header, photo, _depth(depth, header))
+    depth_bytes = 2 * header.depth.width_px * header.depth.height_px if header.depth else 0
+    points_bytes = BYTES_OF_POINT * header.points
+    if len(rest) != depth_bytes + points_bytes:
+        raise BadUpload(
+            f"{len(rest)} bytes of depth and points came, the header says {depth_bytes} and "
+            f"{points_bytes}.",
+            status=400,
+        )
+    depth_mm, points_m = _depth(rest[:depth_bytes], header), _points(rest[depth_bytes:])
+    return Upload(header, photo, depth_mm, points_m)
 
 
 def camera_of_wire(camera: wire.Camera) -> Camera:
@@ -118,9 +140,6 @@ def _check_photo(photo: bytes, pinhole: wire.Pinhole) -> None:
 
 def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"] | None:
     layout = header.depth
-    expected = 2 * layout.width_px * layout.height_px if layout else 0
-    if len(data) != expected:
-        raise BadUpload(f"{len(data)} bytes of depth came, the header says {expected}.", status=400)
     if layout is None:
         return None
     # One depth pixel more or less changes the aspect; more is another field of view.
@@ -132,3 +151,18 @@ def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"]
             f"({k.width_px}x{k.height_px}): crop it to the photo's field of view."
         )
     return np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)
+
+
+def _points(data: bytes) -> Float32[np.ndarray, "n 3"] | None:
+    if not data:
+        return None
+    points_m = np.frombuffer(data, "<f4").astype(np.float32).reshape(-1, 3)
+    # NaN is not within it either.
+    wrong = np.flatnonzero(~(np.abs(points_m) <= FARTHEST_M).all(axis=1))
+    if len(wrong):
+        x, y, z = points_m[wrong[0]]
+        raise BadUpload(
+            f"Point {wrong[0]} is ({x:g}, {y:g}, {z:g}): points are metres of the world, within "
+            f"{FARTHEST_M:g}."
+        )
+    return points_m

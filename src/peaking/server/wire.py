@@ -25,6 +25,9 @@ Size = Annotated[int, Meta(ge=1, le=8192)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
+MOST_POINTS = 20_000
+"""Tracked points that come with one capture."""
+
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
 
@@ -68,7 +71,8 @@ class DepthLayout(Struct, frozen=True):
 class CaptureHeader(Struct, frozen=True):
     """The first part of an upload: what the bytes after it are.
 
-    An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth`.
+    An upload is `u32 little-endian length of the header | header as JSON | photo as JPEG | depth |
+    points`.
     """
 
     protocol: int
@@ -78,6 +82,8 @@ class CaptureHeader(Struct, frozen=True):
     """When the shutter was pressed, seconds since 1970, by the phone's clock."""
     photo_bytes: Annotated[int, Meta(ge=1, le=64_000_000)]
     depth: DepthLayout | None = None
+    points: Annotated[int, Meta(ge=0, le=MOST_POINTS)] = 0
+    """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
 
 
 class Capture(Struct, frozen=True):
