@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float32, Float64
 
+from peaking import pipeline
+from peaking.cli import main
 from peaking.datasets.nerfstudio import Recording, open_recording
 from peaking.datasets.point_cloud import encode_points, seen_points
 from peaking.depth import complete
@@ -23,7 +25,7 @@ from peaking.metric_depth import Captured, estimate_depth
 from peaking.mpi import Mpi
 from peaking.pipeline import LocalLightField
 from peaking.render import render
-from recordings import write_recording
+from recordings import Room, write_recording
 from simulated_depth import Simulated
 
 ERROR_WITH_POINTS = 0.05
@@ -270,3 +272,25 @@ def test_without_an_estimator_it_says_what_to_do(tmp_path: Path) -> None:
     scene = open_recording(write_recording(tmp_path / "scene", num_frames=1, with_depth=False))
     with pytest.raises(PeakingError, match="--depth-model"):
         LocalLightField().add_view(scene.read(0))
+
+
+def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = write_recording(tmp_path / "scene", num_frames=6, with_depth=False)
+    estimator = Simulated(waves=0.0)
+    field, recording = LocalLightField(estimator=estimator), open_recording(scene)
+    for index in range(len(recording)):
+        small = field.prepare(recording.read(index))
+        estimator.tell(small.rgb, Room().photographed(small.camera)[1])
+
+    def simulated(model: str, *, device: str) -> Simulated:
+        assert (model, device) == ("simulated", "auto")
+        return estimator
+
+    monkeypatch.setattr(pipeline, "estimator_named", simulated)
+    estimated = ["--depth-model", "simulated"]
+    main(["generate", str(scene), "--out", str(tmp_path / "a.mpi"), *estimated])
+    assert "of a guessed scale" in capsys.readouterr().out
+    main(["replay", str(scene), "--out", str(tmp_path / "out"), "--no-video", *estimated])
+    assert len(open_recording(tmp_path / "out/captured")) >= 1

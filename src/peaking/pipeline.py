@@ -100,6 +100,10 @@ class LocalLightField:
             *working_size_px(*frame.camera.pinhole.size_px, pixels=self.options.pixels)
         )
 
+    def takes(self, frame: Frame) -> bool:
+        """Return whether a frame can become a view: it has depth, or depth can be estimated."""
+        return frame.depth_m is not None or self._estimator is not None
+
     def add_view(self, frame: Frame) -> Mpi:
         """Make a captured frame part of the reconstruction.
 

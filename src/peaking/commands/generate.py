@@ -42,10 +42,11 @@ class Generate:
         recording = open_recording(self.scene)
         if not 0 <= self.frame < len(recording):
             raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
-        mpi = LocalLightField(self.method.options()).mpi_of(recording.read(self.frame))
+        made = LocalLightField(self.method.options()).captured(recording.read(self.frame))
+        mpi = made.mpi
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px
         print(
             f"{self.out}: {width}x{height}x{mpi.num_planes}, {len(mpi.texels)} tiles, "
-            f"{self.out.stat().st_size / 1e3:.0f} kB"
+            f"{self.out.stat().st_size / 1e3:.0f} kB{'' if made.metric else ', of a guessed scale'}"
         )

@@ -90,7 +90,8 @@ def walk(
 ) -> Iterator[Step]:
     """Walk the recording frame by frame.
 
-    A frame without depth can be looked at but not captured; the next one with depth is.
+    Without a depth model, a frame without depth can be looked at but not captured; the next one
+    with depth is.
 
     Args:
         plan: What to replay.
@@ -112,7 +113,7 @@ def walk(
             wanted = seen is None or seen.errors.peaked_share > plan.threshold_share
         else:
             wanted = index in guided.target_of_frame
-        captured = wanted and frame.depth_m is not None
+        captured = wanted and scene.takes(frame)
         if captured:
             scene.add_view(frame)
         yield Step(small, seen, _record(index, small, seen, captured, stopwatch.take()))
@@ -121,7 +122,8 @@ def walk(
             plan.recording.root / "transforms.json",
             "no frame has metric depth",
             field="frames[*].depth_file_path",
-            remedy="replay a recording with depth (16-bit PNG, millimetres)",
+            remedy="replay a recording with depth (16-bit PNG, millimetres), or have it estimated: "
+            "--depth-model",
         )
 
 
