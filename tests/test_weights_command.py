@@ -15,7 +15,7 @@ def test_it_tells_what_is_missing_where_it_goes_and_under_which_licence(
     main(["weights", "--folder", str(tmp_path)])
     told = capsys.readouterr().out
     assert f"missing; put it at {tmp_path / 'adampi_32p.pth'}" in told
-    assert f"no published hash to compare with: {tmp_path / 'adampi_64p.pth'}" in told
+    assert f"not checked: no published hash is known: {tmp_path / 'adampi_64p.pth'}" in told
     assert "Apache-2.0" in told
     assert "non-commercial" in told
 
@@ -33,3 +33,15 @@ def test_a_wrong_hash_is_an_error(
         main(["weights", "--folder", str(tmp_path)])
     assert left.value.code == 2
     assert "SHA-256 is not the published one" in capsys.readouterr().err
+
+
+def test_a_known_hash_needs_no_note_of_the_hub(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
+    weights = tmp_path / "Depth-Anything-V2-Small-hf/model.safetensors"
+    weights.parent.mkdir()
+    weights.write_bytes(b"x")
+    with pytest.raises(SystemExit):
+        main(["weights", "--folder", str(tmp_path)])
+    assert f"NOT as published: {weights}" in capsys.readouterr().out

@@ -10,8 +10,9 @@ from pathlib import Path
 class Weights:
     """List the learned weights that peaking can use: where they go, licences, soundness.
 
-    Nothing is downloaded. Files are compared with the hash that their authors published, where the
-    Hugging Face hub noted one.
+    Nothing is downloaded. Files are compared with the hash that their authors published, as far as
+    it is known here or the Hugging Face hub noted it beside the file. Weights of the metrics
+    lpips-alex and lpips-vgg lie elsewhere: docs/perceptual-metrics.md.
 
     Examples:
       peaking weights
@@ -34,7 +35,7 @@ class Weights:
             said = {
                 "missing": f"missing; put it at {folder / known.file}",
                 "ok": f"there, and as published: {path}",
-                "not published": f"there; no published hash to compare with: {path}",
+                "not published": f"there, not checked: no published hash is known: {path}",
                 "wrong": f"NOT as published: {path}",
             }[state]
             print(f"\n{known.name}: {known.purpose}\n  {said}")
