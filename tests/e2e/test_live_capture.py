@@ -7,6 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, BrowserContext, Route
 
+from adampi_checkpoints import write_checkpoint
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from full_disks import any_full_disk
 from live_server import LiveServer
@@ -57,6 +58,29 @@ def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     recording = open_recording(session)
     assert recording.read(0).depth_m is not None
     assert phone.problems == []
+
+
+def test_the_list_of_views_says_who_made_them(context: BrowserContext, tmp_path: Path) -> None:
+    checkpoint = write_checkpoint(tmp_path / "adampi_4p.pth")
+    learned = ("--generator", "adampi", "--checkpoint", str(checkpoint), "--num-planes", "4")
+    small = ("--pixels", str(130 * 278), "--device", "cpu")
+    server = LiveServer(tmp_path / "sessions", command=("demo", "--no-open", *learned, *small))
+    server.start()
+    try:
+        phone = VirtualPhonePage(context.new_page(), server.address)
+        phone.shoot()
+        phone.page.get_by_role("button", name="List of views").click()
+        note = phone.page.get_by_role("dialog", name="Views").locator("small")
+        phone.wait_for(lambda: "made by" in note.inner_text())
+        assert "part of the picture · made by" in note.inner_text()
+        phone.keep_picture("views-first")
+        phone.wait_for(lambda: note.inner_text().endswith("made by adampi"))
+        phone.let_pass(6)
+        phone.keep_picture("views-learned")
+        assert phone.states() == ["ready"]
+        assert phone.problems == []
+    finally:
+        server.stop()
 
 
 def test_offline_for_a_minute_with_five_captures(
