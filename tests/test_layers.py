@@ -89,3 +89,13 @@ def test_the_command_line_starts_without_the_compiler() -> None:
     code = "import sys, peaking.cli; print([m for m in ('numba', 'cv2') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_study_server_starts_without_the_statistics() -> None:
+    heavy = ("scipy", "statsmodels", "pandas", "matplotlib")
+    code = (
+        "import sys, peaking.cli, peaking.server.study.app, peaking.server.study.open_study; "
+        f"print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -149,7 +149,7 @@ def test_wrong_arguments(
     assert not (tmp_path / "s").exists()
 
 
-@pytest.mark.parametrize("missing", ["scipy", "matplotlib"])
+@pytest.mark.parametrize("missing", ["scipy", "statsmodels", "matplotlib"])
 def test_without_the_extra_it_says_what_to_install(tmp_path: Path, missing: str) -> None:
     code = (
         f"import sys; sys.modules[{missing!r}] = None; from peaking.cli import main; "

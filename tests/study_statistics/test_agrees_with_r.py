@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from statsmodels.stats.anova import AnovaRM
 
 from peaking.study.statistics.assumptions import greenhouse_geisser, levene, mauchly, shapiro_wilk
 from peaking.study.statistics.groups import mann_whitney, welch_t
@@ -138,6 +140,17 @@ def test_sphericity_and_repeated_anova(name: str) -> None:
 def same_eta2(effect: Effect, of_r: list[float]) -> None:
     same_effect(effect, of_r[:3], TURNED_ROUND, value=ANOVA)
     same_effect(effect, [of_r[0], *of_r[3:]], BY_EFFECTSIZE, value=ANOVA)
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_repeated_anova_agrees_with_statsmodels(name: str) -> None:
+    values = np.array(CASES["repeated"][name], dtype=np.float64)
+    rows, columns = np.indices(values.shape)
+    table = {"value": values.ravel(), "who": rows.ravel(), "condition": columns.ravel()}
+    theirs = AnovaRM(pd.DataFrame(table), "value", "who", within=["condition"]).fit().anova_table
+    ours = result(repeated_anova(values, spherical=True))
+    same(ours.statistic, theirs["F Value"].iloc[0], ANOVA)
+    same(ours.p, theirs["Pr > F"].iloc[0], ANOVA)
 
 
 @pytest.mark.parametrize("name", REPEATED)

@@ -86,6 +86,13 @@ def test_a_study_of_twenty_finds_two_thirds_of_a_standard_deviation() -> None:
     assert power_paired_t(0.0, n=20.0, alpha=0.05) == pytest.approx(0.05)
 
 
+def test_five_people_and_a_strict_level_still_have_a_smallest_effect() -> None:
+    # statsmodels' own two-sided power is NaN there.
+    smallest = smallest_effect(n=5.0, alpha=0.001, paired=True)
+    assert power_paired_t(-smallest, n=5.0, alpha=0.001) == pytest.approx(0.8)
+    assert power_paired_t(50.0, n=5.0, alpha=0.001) == pytest.approx(1.0)
+
+
 def test_a_learning_effect_is_a_period_effect() -> None:
     # Everybody gains 10 in the second trial; conditions do not differ.
     noise = numbers(0, 1, -1, 2, 0, 1, -2, 1, 0, -1)

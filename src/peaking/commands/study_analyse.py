@@ -35,7 +35,7 @@ class Analyse:
             from peaking.study.analysis.run import analyse_folder
         except ModuleNotFoundError as error:
             package = (error.name or "").partition(".")[0]
-            if package not in ("matplotlib", "scipy"):
+            if package not in ("matplotlib", "scipy", "statsmodels"):
                 raise
             raise ToolMissing(
                 f"study analyse needs {package}: pip install 'peaking[study]'"

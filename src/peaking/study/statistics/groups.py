@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from scipy import special, stats
+from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
 from peaking.study.statistics import rank_sums
-from peaking.study.statistics.intervals import TAIL
 from peaking.study.statistics.outcome import (
+    CONFIDENCE,
     FEWEST,
     NORMAL_QUANTILE,
     Effect,
@@ -33,17 +33,13 @@ def welch_t(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"])
         return Untestable(name, reason)
     if np.ptp(first) == 0 and np.ptp(second) == 0:
         return Untestable(name, "nobody differs from others of the group: there is no spread")
-    e1, e2 = first.var(ddof=1) / len(first), second.var(ddof=1) / len(second)
-    error = float(np.sqrt(e1 + e2))
+    compared = CompareMeans(DescrStatsW(first), DescrStatsW(second))
+    t, p, df = (float(number) for number in compared.ttest_ind(usevar="unequal"))
+    limits = compared.tconfint_diff(1 - CONFIDENCE, usevar="unequal")
+    low, high = (float(limit) for limit in limits)
     difference = float(first.mean() - second.mean())
-    df = float((e1 + e2) ** 2 / (e1**2 / (len(first) - 1) + e2**2 / (len(second) - 1)))
-    t = difference / error
-    half = float(stats.t.ppf(1 - TAIL, df)) * error
-    mean = Effect(
-        "mean difference", "M_diff", difference, difference - half, difference + half, "Welch's t"
-    )
+    mean = Effect("mean difference", "M_diff", difference, low, high, "Welch's t")
     effects = (_cohens_d_av(first, second), mean)
-    p = 2 * float(special.stdtr(df, -abs(t)))
     return Result(name, "t", t, (df,), p, len(first) + len(second), effects)
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from statsmodels.stats.multitest import multipletests
+
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """Return p-values that may be held against alpha as they are, in the order given.
@@ -17,10 +20,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     for p in p_values:
         if not 0 <= p <= 1:
             raise ValueError(f"need p-values in 0…1, got {p}")
-    order = sorted(range(len(p_values)), key=lambda index: p_values[index])
-    corrected = [0.0] * len(p_values)
-    highest = 0.0
-    for rank, index in enumerate(order):
-        highest = max(highest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        corrected[index] = highest
-    return corrected
+    if not p_values:
+        return []
+    _, corrected, *_ = multipletests(p_values, method="holm")
+    return np.asarray(corrected).tolist()

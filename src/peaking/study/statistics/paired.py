@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
-from scipy import special, stats
+from statsmodels.stats.weightstats import DescrStatsW
 
 from peaking.study.statistics import signed_ranks
 from peaking.study.statistics.intervals import TAIL, noncentral_t_limits
 from peaking.study.statistics.outcome import (
+    CONFIDENCE,
     FEWEST,
     NORMAL_QUANTILE,
     Effect,
@@ -37,11 +38,12 @@ def paired_t(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
         return Untestable(name, reason)
     if np.ptp(away) == 0:
         return Untestable(name, f"all differences are {number(away[0])}: t has no spread to divide")
-    n = len(away)
-    t = float(away.mean() / (away.std(ddof=1) / np.sqrt(n)))
-    p = 2 * float(special.stdtr(n - 1, -abs(t)))
-    effects = (cohens_d_av(first, second), _cohens_d_z(t, n), _mean_difference(away))
-    return Result(name, "t", t, (float(n - 1),), p, n, effects)
+    n, described = len(away), DescrStatsW(away)
+    t, p, df = (float(number) for number in described.ttest_mean())
+    low, high = (float(limit) for limit in described.tconfint_mean(1 - CONFIDENCE))
+    mean = Effect("mean difference", "M_diff", float(away.mean()), low, high, "Student's t")
+    effects = (cohens_d_av(first, second), _cohens_d_z(t, n), mean)
+    return Result(name, "t", t, (df,), p, n, effects)
 
 
 def wilcoxon(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) -> Outcome:
@@ -90,12 +92,6 @@ def _cohens_d_z(t: float, n: int) -> Effect:
     low, high = noncentral_t_limits(t, float(n - 1))
     root = float(np.sqrt(n))
     return Effect("Cohen's d_z", "d_z", t / root, low / root, high / root, "noncentral t, exact")
-
-
-def _mean_difference(away: Float64[np.ndarray, "n"]) -> Effect:
-    mean, error = float(away.mean()), float(away.std(ddof=1)) / np.sqrt(len(away))
-    half = float(stats.t.ppf(1 - TAIL, len(away) - 1) * error)
-    return Effect("mean difference", "M_diff", mean, mean - half, mean + half, "Student's t")
 
 
 def _rank_biserial(ranks: Float64[np.ndarray, "m"]) -> Effect:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from scipy import special
+from statsmodels.stats.power import TTestIndPower, TTestPower
 
 from peaking.study.statistics.intervals import root_between
 
@@ -17,16 +18,18 @@ WILCOXON_EFFICIENCY = 3 / math.pi
 
 def power_paired_t(d_z: float, *, n: float, alpha: float) -> float:
     """Return the chance that a paired t-test of n pairs is significant (two-sided)."""
-    return _power(abs(d_z) * math.sqrt(n), df=n - 1, alpha=alpha)
+    return _both_tails(TTestPower().power, abs(d_z), n, alpha)
 
 
 def power_two_sample_t(d: float, *, n: float, alpha: float) -> float:
     """Return the chance that a t-test of two groups of n each is significant (two-sided)."""
-    return _power(abs(d) * math.sqrt(n / 2), df=2 * n - 2, alpha=alpha)
+    return _both_tails(TTestIndPower().power, abs(d), n, alpha)
 
 
 def smallest_effect(*, n: float, alpha: float, paired: bool, power: float = WANTED) -> float:
     """Return the standardised difference (d_z when paired, d when not) found with this power.
+
+    The root is searched here, for `solve_power` of statsmodels stops at 4e-7 of it.
 
     Raises:
         ValueError: There are too few participants, or alpha and power leave nothing to find.
@@ -40,9 +43,8 @@ def smallest_effect(*, n: float, alpha: float, paired: bool, power: float = WANT
     return root_between(lambda d: of(d, n=n, alpha=alpha) - power, 0.0, highest)
 
 
-def _power(ncp: float, *, df: float, alpha: float) -> float:
-    critical = float(special.stdtrit(df, 1 - alpha / 2))
-    above = 1 - float(special.nctdtr(df, ncp, critical))
-    below = float(special.nctdtr(df, ncp, -critical))
-    # SciPy gives NaN where nothing is left below.
-    return above + (0.0 if math.isnan(below) else below)
+def _both_tails(power: Callable[..., float], effect: float, n: float, alpha: float) -> float:
+    above = power(effect, n, alpha / 2, alternative="larger")
+    below = power(effect, n, alpha / 2, alternative="smaller")
+    # SciPy gives NaN where nothing is left below; the two-sided power of statsmodels is NaN then.
+    return float(above) + (0.0 if math.isnan(below) else float(below))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 from scipy import special, stats
+from statsmodels.stats.oneway import anova_oneway
 
 from peaking.study.statistics.assumptions import greenhouse_geisser
 from peaking.study.statistics.intervals import noncentral_chi2_limits, noncentral_f_limits
@@ -63,17 +64,11 @@ def welch_anova(groups: list[Float64[np.ndarray, "_"]]) -> Outcome:
         return Untestable(name, reason)
     if any(np.ptp(group) == 0 for group in groups):
         return Untestable(name, "in one group all numbers are the same: its mean has no error")
-    counts = np.array([len(group) for group in groups])
-    means = np.array([group.mean() for group in groups])
-    weights = counts / np.array([group.var(ddof=1) for group in groups])
-    k, total = len(groups), weights.sum()
-    centre = float(weights @ means / total)
-    loss = float(np.sum((1 - weights / total) ** 2 / (counts - 1))) / (k**2 - 1)
-    f = float(weights @ (means - centre) ** 2) / (k - 1) / (1 + 2 * (k - 2) * loss)
-    df1, df2 = float(k - 1), 1 / (3 * loss)
-    effect = _eta2("η²", f, df1, df2)
-    n = int(counts.sum())
-    return Result(name, "F", f, (df1, df2), float(special.fdtrc(df1, df2, f)), n, (effect,))
+    found = anova_oneway(groups, use_var="unequal")
+    f, p = float(found.statistic), float(found.pvalue)
+    df1, df2 = (float(df) for df in found.df)
+    n = sum(len(group) for group in groups)
+    return Result(name, "F", f, (df1, df2), p, n, (_eta2("η²", f, df1, df2),))
 
 
 def kruskal_wallis(groups: list[Float64[np.ndarray, "_"]]) -> Outcome:
