@@ -22,11 +22,13 @@ from peaking.study.simulation.error_rates import (
 )
 from peaking.study.simulation.folder import simulated_protocol
 from peaking.study.simulation.truth import PAPER, no_effect
-from peaking.study.statistics.outcome import NORMAL_QUANTILE, Result
+from peaking.study.statistics.intervals import rank_biserials
+from peaking.study.statistics.outcome import Result
 from peaking.study.statistics.several import friedman, kruskal_wallis, repeated_anova
 from peaking.study.statistics.signed_ranks import (
+    null_error,
     rank_biserial,
-    rank_biserial_limits,
+    score_limits,
     signed_ranks,
 )
 
@@ -70,22 +72,18 @@ def print_false_positives(found: FalsePositives) -> None:
 
 
 def print_rank_biserial(samples: int, rng: np.random.Generator) -> None:
-    """Print how many intervals of the rank-biserial hold it: ours, and Fisher's z."""
-    print("\n| true r_rb | Fisher's z | ours |\n|---|---|---|")
-    # V has this variance when there is no effect, whatever the effect is.
-    most = PARTICIPANTS * (PARTICIPANTS + 1) / 2
-    error = np.sqrt(most * (2 * PARTICIPANTS + 1) / 3) / most
+    """Print how many intervals of the rank-biserial hold it: by Fisher's z, and score intervals."""
+    print("\n| true r_rb | Fisher's z | score |\n|---|---|---|")
+    error = null_error(PARTICIPANTS)
     for shift in (0.0, 0.42, 0.84, 1.65):
         true = 2 * float(special.ndtr(np.sqrt(2) * shift)) - 1
-        ours, fisher = Count(), Count()
+        fisher, score = Count(), Count()
         for away in rng.normal(shift, 1.0, (samples, PARTICIPANTS)):
             r = rank_biserial(signed_ranks(away))
-            low, high = rank_biserial_limits(r, PARTICIPANTS)
-            ours.add(low <= true <= high)
-            # At ±1 its z is infinite and the interval a point.
-            z = np.arctanh(r) if abs(r) < 1 else np.sign(r) * np.inf
-            fisher.add(bool(abs(np.arctanh(true) - z) <= NORMAL_QUANTILE * error))
-        print(f"| {true:.2f} | {fisher.share:.1%} | {ours.share:.1%} |")
+            both = rank_biserials("", r, error=error, score=score_limits(r, PARTICIPANTS))
+            for count, effect in zip((fisher, score), both, strict=True):
+                count.add((effect.low or 0.0) <= true <= (effect.high or 0.0))
+        print(f"| {true:.2f} | {fisher.share:.1%} | {score.share:.1%} |")
 
 
 def print_shares(samples: int, rng: np.random.Generator) -> None:
@@ -118,14 +116,14 @@ def print_shares(samples: int, rng: np.random.Generator) -> None:
 
 def print_coverage(found: Coverage) -> None:
     """Print how many intervals hold what is true."""
-    symbols = ("d_av", "d_z", "M_diff", "r_rb", "HL")
+    symbols = ("d_av", "d_z", "M_diff", "r_rb", "r_rb, score", "HL")
     print("\n| measure | significant | t-test taken | " + " | ".join(symbols) + " |")
     print("|---|---|---|" + "---|" * len(symbols))
     for name in SHOWN:
-        cells = [
-            f"{found.truths[symbol][name]:.2f}: {found.held[symbol][name].share:.1%}"
-            for symbol in symbols
-        ]
+        cells: list[str] = []
+        for symbol in symbols:
+            true = found.truths[symbol.removesuffix(", score")][name]
+            cells.append(f"{true:.2f}: {found.held[symbol][name].share:.1%}")
         power, taken = found.significant[name].share, found.parametric[name].share
         print(f"| `{name}` | {power:.0%} | {taken:.0%} | " + " | ".join(cells) + " |")
     for symbol in symbols:

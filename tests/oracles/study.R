@@ -108,7 +108,8 @@ paired_case <- function(case) {
     statistic = unname(base$statistic), p_exact = exact$p.value, p_coin = as.numeric(coin),
     p_base = base$p.value, base_is_exact = !tied && length(kept) < 50, r = rb$r_rank_biserial,
     r_limits = score_limits(rb$r_rank_biserial, function(s) signed_moments(s, length(kept)),
-                            function(s) 2 * pnorm(sqrt(2) * s) - 1)
+                            function(s) 2 * pnorm(sqrt(2) * s) - 1),
+    r_effectsize = c(rb$r_rank_biserial, rb$CI_low, rb$CI_high)
   )
   walsh <- outer(d, d, "+") / 2
   walsh <- sort(walsh[lower.tri(walsh, diag = TRUE)])
@@ -149,9 +150,9 @@ eta2 <- function(f, df1, df2) {
   c(got$Eta2_partial, f_limits(f, df1, df2), got$CI_low, got$CI_high)
 }
 
-# mauchly.test of R 4.2.2 has the number of conditions k in one place of Box's second term where the
-# formula (Anderson, An introduction to multivariate statistical analysis, 10.7.4) has the number of
-# contrasts, k - 1. Up to three conditions the term is 0; above, p differs in the third digit or later.
+# The published p-value (Anderson, An introduction to multivariate statistical analysis, 10.7.4).
+# mauchly.test of R 4.2.2, which peaking follows, has the number of conditions in one place of Box's
+# second term where the formula has the number of contrasts. Up to three conditions the term is 0.
 mauchly_p <- function(w, n, m) {
   f <- n - 1
   rho <- 1 - (2 * m^2 + m + 2) / (6 * m * f)
@@ -202,7 +203,8 @@ groups_case <- function(samples) {
     d <- cohens_d(x, y, pooled_sd = FALSE)$Cohens_d
     exact <- quietly(wilcox.exact(x, y, exact = TRUE))
     base <- quietly(wilcox.test(x, y, correct = TRUE))
-    r <- quietly(rank_biserial(x, y))$r_rank_biserial
+    rb <- quietly(rank_biserial(x, y))
+    r <- rb$r_rank_biserial
     n <- lengths(samples)
     answer$welch <- list(
       statistic = unname(t$statistic), df = unname(t$parameter), p = t$p.value,
@@ -214,7 +216,8 @@ groups_case <- function(samples) {
       statistic = unname(base$statistic), p_exact = exact$p.value, p_base = base$p.value,
       base_is_exact = !any(duplicated(c(x, y))) && all(n < 50), r = r,
       r_limits = score_limits(r, function(s) sum_moments(s, n[1], n[2]),
-                              function(s) 2 * pnorm(s / sqrt(2)) - 1)
+                              function(s) 2 * pnorm(s / sqrt(2)) - 1),
+      r_effectsize = c(r, rb$CI_low, rb$CI_high)
     )
   } else {
     values <- unlist(samples)

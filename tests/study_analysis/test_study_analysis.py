@@ -12,8 +12,9 @@ from peaking.study.analysis.analyse import Analysis, MeasureAnalysis, analyse
 from peaking.study.analysis.csv_files import codebook_csv, results_csv, wide_csv
 from peaking.study.analysis.matrix import Matrix, build_matrices
 from peaking.study.analysis.over_time import progress_curve
-from peaking.study.analysis.words import bounded, decimal, p_value, sentence, stars
-from peaking.study.statistics.outcome import Result, Untestable
+from peaking.study.analysis.words import bounded, decimal, p_value, reported, sentence, stars
+from peaking.study.statistics.outcome import FISHER, SCORE, Result, Untestable
+from peaking.study.statistics.paired import wilcoxon
 from peaking.study.tables import Measurement
 from study_analysis.matrices import THREE, TWO, matrix, measure, normal_rows, protocol
 
@@ -97,6 +98,28 @@ def test_three_conditions_have_pairs_and_an_order() -> None:
     assert "Is sphericity given?" in said
     assert "it does not decide" in said
     assert "significant differences between LLFF <guidance>" in sentence(found, three)
+
+
+def test_a_strong_effect_of_ranks_has_both_intervals() -> None:
+    two = protocol()
+    rows = [[1.0 + row, 2.0 + 2.5 * row + (60.0 if row > 15 else 0.0)] for row in range(18)]
+    found = of(analyse(two, [matrix(two, "s_conf", rows)]), "s_conf")
+    fisher, score, _ = result(found).effects
+    assert (fisher.value, fisher.low, fisher.high) == (-1.0, -1.0, -1.0)
+    assert score.high == pytest.approx(-0.65, abs=0.01)
+    said = sentence(found, two)
+    assert "95% CI [−1.00, −1.00] (Fisher’s z; score interval [−1.00, −.65])" in said
+    lines = [
+        row for row in read(results_csv(analyse(two, [found.matrix]))) if row["effect"] == "r_rb"
+    ]
+    assert [row["interval_method"] for row in lines] == [FISHER, SCORE]
+
+
+def test_a_weak_effect_of_ranks_has_one_interval() -> None:
+    away = np.array([row * (1.0 if row % 3 else -1.0) for row in range(1, 21)])
+    found = wilcoxon(away, np.zeros(20))
+    assert isinstance(found, Result)
+    assert reported(found) == "r_rb = .40, 95% CI [−.08, .73] (Fisher’s z)"
 
 
 def test_between_groups_nobody_is_left_out_for_the_other_group() -> None:

@@ -13,8 +13,8 @@ from peaking.study.statistics.decision import Decision, decide_groups, decide_pa
 from peaking.study.statistics.holm import holm
 from peaking.study.statistics.outcome import Outcome, Result
 from peaking.study.statistics.paired import paired_t, wilcoxon
-from peaking.study.statistics.rank_sums import rank_biserial_limits as limits_of_groups
-from peaking.study.statistics.signed_ranks import rank_biserial_limits
+from peaking.study.statistics.rank_sums import score_limits as limits_of_groups
+from peaking.study.statistics.signed_ranks import score_limits
 
 ANSWERS = st.integers(1, 7)
 TIMES = st.floats(1.0, 500.0).map(lambda x: round(x, 2))
@@ -104,7 +104,7 @@ def test_limits_of_a_rank_biserial_hold_it_and_stay_in_range(m: int, share: floa
     signed = -1 + 2 * round(share * m * (m + 1) / 2) / (m * (m + 1) / 2)
     of_groups = -1 + 2 * round(share * m * (m + 1)) / (m * (m + 1))
     for r, (low, high) in (
-        (signed, rank_biserial_limits(signed, m)),
+        (signed, score_limits(signed, m)),
         (of_groups, limits_of_groups(of_groups, m, m + 1)),
     ):
         assert -1 <= low <= r + 1e-9
@@ -112,5 +112,5 @@ def test_limits_of_a_rank_biserial_hold_it_and_stay_in_range(m: int, share: floa
 
 
 def test_limits_come_closer_with_more_participants() -> None:
-    widths = [np.ptp(rank_biserial_limits(0.5, m)) for m in (5, 10, 20, 50, 200)]
+    widths = [np.ptp(score_limits(0.5, m)) for m in (5, 10, 20, 50, 200)]
     assert widths == sorted(widths, reverse=True)

@@ -37,9 +37,11 @@ def test_five_pairs_that_all_rise() -> None:
     ours = result(wilcoxon(numbers(1, 2, 3, 4, 5), ZERO))
     assert ours.statistic == 15  # 1 + 2 + 3 + 4 + 5
     assert ours.p == 2 / 2**5
-    assert ours.effects[0].value == 1.0
-    assert ours.effects[0].high == 1.0
-    assert ours.effects[1].low is None  # no 95 % interval of Walsh averages for five pairs
+    fisher, score, hodges_lehmann = ours.effects
+    assert fisher.value == score.value == score.high == 1.0
+    assert (fisher.low, fisher.high) == (1.0, 1.0)  # a point, in R too
+    assert score.low == pytest.approx(0.2, abs=0.01)
+    assert hodges_lehmann.low is None  # no 95 % interval of Walsh averages for five pairs
 
 
 def test_ranks_with_a_tie_and_a_zero() -> None:

@@ -23,6 +23,31 @@ LONG_COLUMNS = {
     "value": "The number; empty: missing",
 }
 
+RESULT_COLUMNS = {
+    "measure": "Name of the measure",
+    "first": "Condition that is compared; differences are first minus second",
+    "second": "Condition that it is compared with",
+    "test": "Name of the test",
+    "chosen": "assumption, chosen, not chosen, pair or order: what the test is for",
+    "n": "Participants whose numbers were used",
+    "symbol": "Of the statistic",
+    "statistic": "Its value",
+    "df1": "Degrees of freedom; empty: the test has none",
+    "df2": "Second degrees of freedom",
+    "p": "Two-sided, not corrected",
+    "p_holm": "After Holm's correction; the largest where a measure is in several families",
+    "corrected_in": "Families, or the pairs of the measure",
+    "effect": "Symbol of the effect; a test with several has a line for each",
+    "effect_value": "Its size",
+    "effect_low": "Lower limit of its 95% confidence interval",
+    "effect_high": "Upper limit",
+    "interval_method": "How the interval was made. A rank-biserial has two lines: by Fisher's z "
+    "(reported; R's effectsize gives the same) and by a score interval, which holds the true value "
+    "in 95% where an effect is strong or participants are few",
+    "remark": "What a reader has to know, or why there is no result",
+    "decision_path": "Why this test was chosen",
+}
+
 
 def long_csv(numbers: Sequence[Measurement]) -> str:
     """Return one line per participant, trial and measure."""
@@ -46,7 +71,7 @@ def wide_csv(matrices: Sequence[Matrix]) -> str:
 
 
 def codebook_csv(catalogue: Sequence[Measure], conditions: Sequence[str]) -> str:
-    """Return what every column of long.csv and wide.csv, and every measure, is."""
+    """Return what every column of the tables, and every measure, is."""
     header = ["file", "name", "label", "unit", "kind", "lowest", "highest", "description"]
     rows: list[Sequence[Cell]] = [
         ["long.csv", name, "", "", "column", None, None, words]
@@ -79,31 +104,11 @@ def codebook_csv(catalogue: Sequence[Measure], conditions: Sequence[str]) -> str
         ]
         for m in catalogue
     ]
+    rows += [
+        ["results.csv", name, "", "", "column", None, None, words]
+        for name, words in RESULT_COLUMNS.items()
+    ]
     return _csv(header, rows)
-
-
-RESULT_COLUMNS = (
-    "measure",
-    "first",
-    "second",
-    "test",
-    "chosen",
-    "n",
-    "symbol",
-    "statistic",
-    "df1",
-    "df2",
-    "p",
-    "p_holm",
-    "corrected_in",
-    "effect",
-    "effect_value",
-    "effect_low",
-    "effect_high",
-    "interval_method",
-    "remark",
-    "decision_path",
-)
 
 
 def results_csv(analysis: Analysis) -> str:
@@ -111,7 +116,7 @@ def results_csv(analysis: Analysis) -> str:
     rows: list[list[Cell]] = []
     for measure in analysis.measures:
         rows += _result_rows(measure)
-    return _csv(RESULT_COLUMNS, rows)
+    return _csv(list(RESULT_COLUMNS), rows)
 
 
 def _result_rows(analysis: MeasureAnalysis) -> list[list[Cell]]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from peaking.study.analysis.analyse import MeasureAnalysis
 from peaking.study.analysis.figure_style import COLOURS, INK, LINE, MUTED, styled, wrapped
-from peaking.study.analysis.words import bounded, decimal, short_name
+from peaking.study.analysis.words import bounded, decimal, differing_interval, short_name
 from peaking.study.statistics.outcome import Effect
 
 ROW_IN = 0.3
@@ -60,6 +60,10 @@ def _panel(
         surely = low > 0 or high < 0
         colour = COLOURS[0] if surely else MUTED
         axes.plot([low, high], [y, y], color=colour, linewidth=2, solid_capstyle="round")
+        score = None if analysis.result is None else differing_interval(analysis.result)
+        if score is not None:
+            ends = [score.value if end is None else end for end in (score.low, score.high)]
+            axes.plot(ends, [y, y], color=colour, linewidth=0.8)
         filled = "full" if analysis.corrected else "none"
         axes.plot(effect.value, y, "o", color=colour, markersize=6, fillstyle=filled, mew=1.4)
         axes.annotate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from peaking.study.analysis.analyse import Analysis, Sensitivity
-from peaking.study.analysis.words import decimal
+from peaking.study.analysis.words import MUCH, bounded, decimal
 from peaking.study.protocol import Protocol
 
 
@@ -24,8 +24,10 @@ def method(analysis: Analysis) -> str:
     if len(protocol.scenes) > 1 and protocol.scene_use == "all":
         said.append("Numbers of a participant in a condition are means over the scenes.")
     said.append(
-        "Confidence intervals are at 95%: Bonett’s for d_av, a score interval for the "
-        "rank-biserial correlation, noncentral F and χ² for shares of variance."
+        "Confidence intervals are at 95%: Bonett’s for d_av, Fisher’s z (with the variance of no "
+        "effect) for the rank-biserial correlation, noncentral F and χ² for shares of variance. "
+        "Where a score interval of the rank-biserial differs from that of Fisher’s z by more than "
+        f"{bounded(MUCH)}, it is given too."
     )
     return " ".join(said)
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 from peaking.study.analysis.analyse import Description, MeasureAnalysis
 from peaking.study.catalogue import Measure
 from peaking.study.protocol import Protocol
-from peaking.study.statistics.outcome import Effect, Outcome, Result, Untestable
+from peaking.study.statistics.outcome import FISHER, SCORE, Effect, Outcome, Result, Untestable
 
 BOUNDED = ("r_rb", "W", "partial η²", "η²", "ε²")
 """Effects that cannot exceed 1."""
 
+MUCH = 0.05
+"""Where a limit of a rank-biserial's two intervals differs by more, both are reported."""
 
 PAPERS_NAMES = {"s_conf": "S-Conf.", "satis": "Satis.", "scene_focus": "Scene Focus"}
 ABBREVIATIONS = ("sus", "tlx", "harus")
@@ -72,12 +74,48 @@ def effect(found: Effect) -> str:
     return f"{value}, {interval(found)}"
 
 
+def reported(result: Result) -> str:
+    """Return the effect that goes with a test; of a rank-biserial it says by what its interval is.
+
+    `r_rb = .91, 95% CI [.78, .97] (Fisher’s z; score interval [.45, .98])`, the latter where the
+    two differ by more than `MUCH`.
+    """
+    first = result.effects[0]
+    if first.method != FISHER:
+        return effect(first)
+    beside = score_interval(result)
+    return f"{effect(first)} (Fisher’s z{f'; {beside}' if beside else ''})"
+
+
+def score_interval(result: Result) -> str:
+    """Return `score interval [low, high]` where it is reported too, else nothing."""
+    score = differing_interval(result)
+    return "" if score is None else f"score interval {_limits(score)}"
+
+
+def differing_interval(result: Result) -> Effect | None:
+    """Return the rank-biserial with its score interval, if that differs much from Fisher's z."""
+    first = result.effects[0]
+    score = next((e for e in result.effects if e.method == SCORE), None)
+    if score is None or first.method != FISHER:
+        return None
+    pairs = ((first.low, score.low), (first.high, score.high))
+    differ = any(a is not None and b is not None and abs(a - b) > MUCH for a, b in pairs)
+    return score if differ else None
+
+
 def interval(found: Effect) -> str:
     """Return `95 % CI [low, high]`, or why there is none."""
+    limits = _limits(found)
+    return f"95% CI {limits}" if limits else found.method
+
+
+def _limits(found: Effect) -> str:
+    """Return `[low, high]`; nothing where there is no interval."""
     write = bounded if found.symbol in BOUNDED else decimal
     if found.low is None or found.high is None:
-        return found.method
-    return f"95% CI [{write(found.low)}, {write(found.high)}]"
+        return ""
+    return f"[{write(found.low)}, {write(found.high)}]"
 
 
 def sentence(analysis: MeasureAnalysis, protocol: Protocol) -> str:
@@ -101,7 +139,7 @@ def _two(name: str, analysis: MeasureAnalysis, outcome: Result, protocol: Protoc
     significant = (analysis.p_decisive or 0.0) < protocol.alpha
     figures = (
         f"{outcome.test}, {statistic(outcome)}, {p_value(outcome.p)}{_holm(analysis)}, "
-        f"{effect(outcome.effects[0])}"
+        f"{reported(outcome)}"
     )
     if not significant:
         return f"{name}: no significant difference between {shown[0]} and {shown[1]}; {figures}."
@@ -118,7 +156,7 @@ def _omnibus(name: str, analysis: MeasureAnalysis, outcome: Result, protocol: Pr
     verb = "significant" if significant else "no significant"
     return (
         f"{name}: {verb} differences between {shown}; {outcome.test}, {statistic(outcome)}, "
-        f"{p_value(outcome.p)}{_holm(analysis)}, {effect(outcome.effects[0])}."
+        f"{p_value(outcome.p)}{_holm(analysis)}, {reported(outcome)}."
     )
 
 
@@ -130,7 +168,7 @@ def _pairs(analysis: MeasureAnalysis) -> list[str]:
         said.append(
             f"{pair.first} and {pair.second}: {statistic(pair.outcome)}, "
             f"{p_value(pair.p_holm)} (Holm, {p_value(pair.outcome.p)} uncorrected), "
-            f"{effect(pair.outcome.effects[0])}."
+            f"{reported(pair.outcome)}."
         )
     return said
 
@@ -139,9 +177,7 @@ def other_test(outcome: Outcome) -> str:
     """Return what the test that was not chosen gives."""
     if isinstance(outcome, Untestable):
         return f"{outcome.test}: {outcome.reason}"
-    return (
-        f"{outcome.test}: {statistic(outcome)}, {p_value(outcome.p)}, {effect(outcome.effects[0])}"
-    )
+    return f"{outcome.test}: {statistic(outcome)}, {p_value(outcome.p)}, {reported(outcome)}"
 
 
 def _holm(analysis: MeasureAnalysis) -> str:

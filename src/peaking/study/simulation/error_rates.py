@@ -21,7 +21,7 @@ from peaking.study.measures import catalogue_of
 from peaking.study.protocol import Protocol, trials_of
 from peaking.study.simulation.draw import Drawn, draw
 from peaking.study.simulation.truth import Truth
-from peaking.study.statistics.outcome import Result
+from peaking.study.statistics.outcome import SCORE, Result
 from peaking.study.statistics.samples import differences
 from peaking.study.statistics.signed_ranks import rank_biserial, signed_ranks
 
@@ -77,7 +77,8 @@ class Coverage:
     """Of studies with a known effect."""
 
     held: dict[str, dict[str, Count]] = field(default_factory=lambda: defaultdict(_counts))
-    """By effect (`d_av`, `d_z`, `M_diff`, `r_rb`, `HL`), then measure: the interval held it."""
+    """By effect (`d_av`, `d_z`, `M_diff`, `r_rb`, `HL`), then measure: the interval held it. What
+    the score interval of the rank-biserial held is in `r_rb, score`."""
     truths: dict[str, dict[str, float]] = field(default_factory=lambda: defaultdict(dict))
     """By effect, then measure: what is true in the population."""
     significant: dict[str, Count] = field(default_factory=_counts)
@@ -155,7 +156,8 @@ def coverage(
                     if effect.low is None or effect.high is None:
                         continue
                     true = found.truths[effect.symbol][name]
-                    found.held[effect.symbol][name].add(effect.low <= true <= effect.high)
+                    by = ", score" if effect.method == SCORE else ""
+                    found.held[effect.symbol + by][name].add(effect.low <= true <= effect.high)
     return found
 
 

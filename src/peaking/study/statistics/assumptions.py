@@ -50,9 +50,10 @@ def mauchly(values: Float64[np.ndarray, "participants conditions"]) -> Outcome:
     """Test sphericity of three or more repeated measures (Mauchly 1940).
 
     The p-value has the second term of Box's expansion (Anderson, *An introduction to multivariate
-    statistical analysis*, section 10.7.4). R's `mauchly.test` means the same; its version 4.2 has
-    the number of conditions for that of contrasts in one place, so that with four or more
-    conditions its p-value differs in the third digit or later.
+    statistical analysis*, section 10.7.4), with the constant of R. The published formula has
+    2m³ + 6m² + 3m + 2 in it, m being the number of contrasts; `mauchly.test` of R 4.2 has 3k for
+    3m there, k being the number of conditions. The p-value is R's: what a reader checks it against.
+    Up to three conditions the term is 0; above, the two differ by about 0.1 % of the p-value.
     """
     name = "Mauchly's test"
     n, k = values.shape
@@ -67,7 +68,7 @@ def mauchly(values: Float64[np.ndarray, "participants conditions"]) -> Outcome:
     w = float(np.exp(np.linalg.slogdet(contrasts)[1] - m * np.log(spread)))
     f, df = n - 1, m * (m + 1) / 2 - 1
     rho = 1 - (2 * m**2 + m + 2) / (6 * m * f)
-    second = (m + 2) * (m - 1) * (m - 2) * (2 * m**3 + 6 * m**2 + 3 * m + 2)
+    second = (m + 2) * (m - 1) * (m - 2) * (2 * m**3 + 6 * m**2 + 3 * k + 2)
     second /= 288 * (f * m * rho) ** 2
     chi2 = -f * rho * np.log(w)
     p1, p2 = stats.chi2.sf(chi2, df), stats.chi2.sf(chi2, df + 4)

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
 from peaking.study.statistics import rank_sums
+from peaking.study.statistics.intervals import rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
     FEWEST,
@@ -54,15 +55,18 @@ def mann_whitney(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "
         return Untestable(name, "everybody in both groups has the same number")
     u = rank_sums.rank_sum(first, second)
     p, how = rank_sums.two_sided_p(first, second)
-    r = 2 * u / (len(first) * len(second)) - 1
-    low, high = rank_sums.rank_biserial_limits(r, len(first), len(second))
-    effect = Effect(
-        "rank-biserial correlation", "r_rb", r, low, high, "score interval, normal shift"
+    n1, n2 = len(first), len(second)
+    r = 2 * u / (n1 * n2) - 1
+    effects = rank_biserials(
+        "rank-biserial correlation",
+        r,
+        error=rank_sums.null_error(n1, n2),
+        score=rank_sums.score_limits(r, n1, n2),
     )
     remarks = [f"p-value: {how}"]
     if len(np.unique(both)) < len(both):
         remarks.append("tied numbers have their mean rank")
-    return Result(name, "U", u, (), p, len(both), (effect,), tuple(remarks))
+    return Result(name, "U", u, (), p, len(both), effects, tuple(remarks))
 
 
 def _cohens_d_av(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> Effect:

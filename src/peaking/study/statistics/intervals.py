@@ -1,7 +1,8 @@
-"""Confidence limits of non-centrality parameters, by turning a test round.
+"""Confidence limits of correlations, and of non-centrality parameters by turning a test round.
 
-The limits are the parameters for which the observed statistic lies at the upper and the lower 2.5 %
-of its distribution (Steiger and Fouladi, *Noncentrality interval estimation*, 1997).
+The limits of the latter are the parameters for which the observed statistic lies at the upper and
+the lower 2.5 % of its distribution (Steiger and Fouladi, *Noncentrality interval estimation*,
+1997).
 """
 
 from __future__ import annotations
@@ -13,14 +14,32 @@ from typing import Any
 from scipy import special
 from scipy.optimize import brentq
 
-from peaking.study.statistics.outcome import CONFIDENCE
+from peaking.study.statistics.outcome import CONFIDENCE, FISHER, NORMAL_QUANTILE, SCORE, Effect
 
 TAIL = (1 - CONFIDENCE) / 2
 PRECISION = 1e-12
 """Of the limits."""
 
 
-def noncentral_t_limits(t: float, df: float) -> tuple[float, float]:
+Limits = tuple[float, float]
+
+
+def rank_biserials(name: str, r: float, *, error: float, score: Limits) -> tuple[Effect, Effect]:
+    """Return a rank-biserial with the interval of Fisher's z, and with the score interval.
+
+    Args:
+        name: In words.
+        r: The correlation, -1…1.
+        error: Its standard deviation when there is no effect, taken for that of artanh r. At r = ±1
+            the interval of Fisher's z is a point, as in R.
+        score: The limits of the score interval.
+    """
+    z = math.atanh(r) if abs(r) < 1 else math.copysign(math.inf, r)
+    low, high = (math.tanh(z + sign * NORMAL_QUANTILE * error) for sign in (-1, 1))
+    return Effect(name, "r_rb", r, low, high, FISHER), Effect(name, "r_rb", r, *score, SCORE)
+
+
+def noncentral_t_limits(t: float, df: float) -> Limits:
     """Return the limits of the non-centrality of a t statistic."""
     if t < 0:
         low, high = noncentral_t_limits(-t, df)
@@ -34,7 +53,7 @@ def noncentral_t_limits(t: float, df: float) -> tuple[float, float]:
     return _solve(below, 1 - TAIL, -5.0), _solve(below, TAIL, -5.0)
 
 
-def noncentral_f_limits(f: float, df1: float, df2: float) -> tuple[float, float]:
+def noncentral_f_limits(f: float, df1: float, df2: float) -> Limits:
     """Return the limits of the non-centrality of an F statistic; 0 where there is none above it."""
 
     def below(ncp: float) -> float:
@@ -43,7 +62,7 @@ def noncentral_f_limits(f: float, df1: float, df2: float) -> tuple[float, float]
     return _solve(below, 1 - TAIL, 0.0), _solve(below, TAIL, 0.0)
 
 
-def noncentral_chi2_limits(chi2: float, df: float) -> tuple[float, float]:
+def noncentral_chi2_limits(chi2: float, df: float) -> Limits:
     """Return the limits of the non-centrality of a χ² statistic; 0 where there is none above it."""
 
     def below(ncp: float) -> float:

@@ -19,6 +19,11 @@ normal cannot be told.
 """
 
 
+FISHER = "Fisher's z, variance of no effect; R's effectsize"
+SCORE = "score interval, normal shift"
+"""Methods of the two intervals that a rank-biserial has: the usual one, and one that holds."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """The size of an effect and its 95 % confidence interval."""
@@ -50,7 +55,8 @@ class Result:
     n: int
     """Participants whose numbers were used."""
     effects: tuple[Effect, ...] = ()
-    """The first is the one that is reported with the test."""
+    """The first is the one that is reported with the test. A rank-biserial is there twice, with the
+    interval of Fisher's z and the score interval."""
     remarks: tuple[str, ...] = ()
     """What a reader has to know: ties, dropped zeros, how the p-value was computed."""
 

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from statsmodels.stats.weightstats import DescrStatsW
 
 from peaking.study.statistics import signed_ranks
-from peaking.study.statistics.intervals import TAIL, noncentral_t_limits
+from peaking.study.statistics.intervals import TAIL, noncentral_t_limits, rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
     FEWEST,
@@ -65,8 +65,15 @@ def wilcoxon(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
         remarks.append("tied differences have their mean rank")
     if 2.0 ** (1 - m) > 1 - 0.95:
         remarks.append(f"with {m} differences that are not 0 no p-value below {2.0 ** (1 - m):g}")
-    effects = (_rank_biserial(ranks), _hodges_lehmann(away))
+    r = signed_ranks.rank_biserial(ranks)
+    both = rank_biserials(
+        "matched-pairs rank-biserial correlation",
+        r,
+        error=signed_ranks.null_error(m),
+        score=signed_ranks.score_limits(r, m),
+    )
     v = float(ranks[ranks > 0].sum())
+    effects = (*both, _hodges_lehmann(away))
     return Result(name, "V", v, (), p, len(away), effects, tuple(remarks))
 
 
@@ -92,13 +99,6 @@ def _cohens_d_z(t: float, n: int) -> Effect:
     low, high = noncentral_t_limits(t, float(n - 1))
     root = float(np.sqrt(n))
     return Effect("Cohen's d_z", "d_z", t / root, low / root, high / root, "noncentral t, exact")
-
-
-def _rank_biserial(ranks: Float64[np.ndarray, "m"]) -> Effect:
-    r = signed_ranks.rank_biserial(ranks)
-    low, high = signed_ranks.rank_biserial_limits(r, len(ranks))
-    method = "score interval, normal shift"
-    return Effect("matched-pairs rank-biserial correlation", "r_rb", r, low, high, method)
 
 
 def _hodges_lehmann(away: Float64[np.ndarray, "n"]) -> Effect:

@@ -6,6 +6,8 @@ The p-value is exact, conditional on the ranks; R's `wilcox.test` is exact witho
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 from scipy import special, stats
@@ -59,10 +61,15 @@ def _distribution(ranks: Float64[np.ndarray, "n"], size: int) -> Float64[np.ndar
     return ways[size] / special.comb(len(ranks), size)
 
 
-def rank_biserial_limits(r: float, n1: int, n2: int) -> tuple[float, float]:
-    """Return the 95 % limits of the rank-biserial of two samples.
+def null_error(n1: int, n2: int) -> float:
+    """Return the standard deviation of the rank-biserial of two samples without an effect."""
+    return math.sqrt((n1 + n2 + 1) / (3 * n1 * n2))
 
-    A score interval with the variance that U has when both are normal and one is shifted, the
+
+def score_limits(r: float, n1: int, n2: int) -> tuple[float, float]:
+    """Return the 95 % limits of the rank-biserial of two samples (score interval).
+
+    It has the variance that U has when both are normal and one is shifted, the
     normal case of Newcombe's *Confidence intervals for an effect size measure based on the
     Mann–Whitney statistic*, part 2, 2006 (method 5).
     """

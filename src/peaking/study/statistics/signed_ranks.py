@@ -7,6 +7,8 @@ conditional on the ranks, with or without ties; R's `wilcox.test` is exact witho
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float64
 from scipy import special, stats
@@ -77,13 +79,18 @@ def rank_biserial(ranks: Float64[np.ndarray, "m"]) -> float:
     return float(ranks.sum() / np.abs(ranks).sum())
 
 
-def rank_biserial_limits(r: float, m: int) -> tuple[float, float]:
-    """Return the 95 % limits of a matched-pairs rank-biserial of `m` differences.
+def null_error(m: int) -> float:
+    """Return the standard deviation of the rank-biserial of `m` differences without an effect."""
+    return math.sqrt(2 * (2 * m + 1) / (3 * m * (m + 1)))
 
-    A score interval: the test of a shift is turned round. The limits are the population values for
-    which r lies 1.96 standard deviations from its expectation, where expectation and variance of V
-    are those of normal differences with that shift (Hettmansperger, *Statistical inference based on
-    ranks*, 1984, section 2.5). As the variance shrinks towards ±1, the interval stays inside the
+
+def score_limits(r: float, m: int) -> tuple[float, float]:
+    """Return the 95 % limits of a matched-pairs rank-biserial of `m` differences (score interval).
+
+    The test of a shift is turned round: the limits are the population values for which r lies 1.96
+    standard deviations from its expectation, where expectation and variance of V are those of
+    normal differences with that shift (Hettmansperger, *Statistical inference based on ranks*,
+    1984, section 2.5). As the variance shrinks towards ±1, the interval stays inside the
     range and keeps its coverage there, which Fisher's z with the variance of the null hypothesis
     (R's `effectsize`) does not; docs/study-statistics.md has both, measured.
     """
