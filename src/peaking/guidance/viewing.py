@@ -23,11 +23,11 @@ ARCMIN_RAD = math.radians(1 / 60)
 PURSUIT_GAIN = 0.82
 DRIFT_DEG_PER_S = 0.15
 MOST_PURSUIT_DEG_PER_S = 80.0
-"""How eyes follow what moves: Daly (1998)."""
+"""How eyes follow what moves: Daly (1998). docs/plenoptic.md says which of these were checked."""
 
 CORNER_DEG_PER_S = 2.0
-"""Slip on the retina at which the finest detail seen is twice that of an image at rest: the cut-off
-of Kelly (1979), 45.9 / (v + 2) cycles per degree."""
+"""Slip on the retina at which the detail seen best is twice as coarse as in an image at rest: Kelly
+(1979), equation 8, 45.9 / (2π (v + 2)) cycles per degree."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,8 @@
 
 - SUS: J. Brooke, "SUS: a quick and dirty usability scale", 1996.
 - NASA-TLX: S. Hart, L. Staveland, 1988; *raw* (RTLX) is the mean of the six ratings.
-- HARUS: M. E. C. Santos et al., "A usability scale for handheld augmented reality", VRST 2014.
+- HARUS: M. E. C. Santos et al., "A usability scale for handheld augmented reality", VRST 2014
+  (not checked against its text: docs/study.md).
 """
 
 from __future__ import annotations
