@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -271,6 +273,32 @@ def test_plan_is_the_papers_by_default(tmp_path: Path, capsys: pytest.CaptureFix
     assert "N = 10.6, 46.1 mm apart" in "".join(drawing.itertext())
 
 
+def test_plan_draws_a_png_too(tmp_path: Path) -> None:
+    plot = tmp_path / "plan.png"
+    main(["plan", "--plot", str(plot)])
+    picture = cv2.imread(str(plot))
+    assert picture is not None
+    assert picture.shape == (840, 1520, 3)
+    assert (picture[0, 0] == 255).all()
+    # The line of the MPI's pixel is blue (#1d5fc4), and the labels stand inside the picture.
+    assert (picture == np.array([0xC4, 0x5F, 0x1D], np.uint8)).all(axis=2).sum() > 500
+    assert (picture[:, -3:] == 255).all()
+
+
+def test_plan_as_png_without_the_extra_says_what_to_install(
+    tmp_path: Path,
+) -> None:
+    plot = tmp_path / "plan.png"
+    code = (
+        "import sys; sys.modules['matplotlib'] = None; from peaking.cli import main; "
+        f"main(['plan', '--plot', {str(plot)!r}])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "pip install 'peaking[study]', or name it plan.svg" in done.stderr
+    assert not plot.exists()
+
+
 def test_plan_says_what_limits(capsys: pytest.CaptureFixture[str]) -> None:
     main(["plan", "--eye", "2"])
     assert "what limits       eye" in capsys.readouterr().out
@@ -281,6 +309,6 @@ def test_plan_says_what_limits(capsys: pytest.CaptureFixture[str]) -> None:
 def test_plan_refuses_what_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "z_min_m" in fails(["plan", "--zmin", "0"], capsys)
     assert "eye_m" in fails(["plan", "--eye", "nan"], capsys)
-    plot = tmp_path / "plan.png"
-    assert ".svg" in fails(["plan", "--plot", str(plot)], capsys)
+    plot = tmp_path / "plan.pdf"
+    assert ".svg or .png" in fails(["plan", "--plot", str(plot)], capsys)
     assert not plot.exists()

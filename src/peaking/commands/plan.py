@@ -11,6 +11,7 @@ import tyro
 
 if TYPE_CHECKING:
     from peaking.guidance.plenoptic import PlenopticBound
+    from peaking.guidance.viewing import Viewing
 
 BAR_CHARS = 24
 
@@ -53,17 +54,18 @@ class Plan:
     fps: float = 30.0
     """Pictures per second on the screen."""
     plot: Path | None = None
-    """An SVG file to draw the number of views over the distance of the eyes into."""
+    """An .svg or .png file to draw the number of views over the distance of the eyes into. For PNG:
+    pip install 'peaking[study]'"""
 
     def run(self) -> None:
         """Print the plan."""
-        from peaking.guidance.plan_chart import NAMES, plan_chart
+        from peaking.guidance.plan_chart import NAMES
         from peaking.guidance.plenoptic import PlenopticBound
         from peaking.guidance.viewing import Viewing, limits
         from peaking.output import write_atomically
 
-        if self.plot is not None and self.plot.suffix != ".svg":
-            raise ValueError(f"need a name that ends in .svg as --plot, got {self.plot}")
+        if self.plot is not None and self.plot.suffix not in (".svg", ".png"):
+            raise ValueError(f"need a name that ends in .svg or .png as --plot, got {self.plot}")
         bound = PlenopticBound(
             area_side_m=self.area,
             z_min_m=self.zmin,
@@ -80,6 +82,7 @@ class Plan:
             speed_m_per_s=self.speed,
             frames_per_s=self.fps,
         )
+        drawing = None if self.plot is None else _drawn(self.plot, bound, viewing)
         found = limits(bound, viewing)
         limiting = found[0]
         print(
@@ -106,9 +109,28 @@ class Plan:
                 f"\nAn MPI of {width_px:.0f} px would show all that the {NAMES[finer.factor]} lets "
                 f"through, and ask for N = {bound.num_views_exact / finer.detail_px**2:.1f}."
             )
-        if self.plot is not None:
-            write_atomically(self.plot, plan_chart(bound, viewing).encode())
+        if self.plot is not None and drawing is not None:
+            write_atomically(self.plot, drawing)
             print(f"\nplot: {self.plot.resolve()}")
+
+
+def _drawn(path: Path, bound: PlenopticBound, viewing: Viewing) -> bytes:
+    """Return the chart as the ending of the path asks for."""
+    from peaking.errors import ToolMissing
+    from peaking.guidance.plan_chart import plan_chart
+
+    if path.suffix == ".svg":
+        return plan_chart(bound, viewing).encode()
+    try:
+        from peaking.guidance.plan_picture import plan_picture
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        raise ToolMissing(
+            f"a plot as PNG needs matplotlib: pip install 'peaking[study]', or name it "
+            f"{path.with_suffix('.svg').name}"
+        ) from error
+    return plan_picture(bound, viewing)
 
 
 def _in_words(bound: PlenopticBound) -> str:

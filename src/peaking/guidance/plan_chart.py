@@ -37,14 +37,29 @@ text { font: 13px system-ui, "Segoe UI", Roboto, "Liberation Sans", sans-serif; 
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 58.0, 118.0, 40.0, 48.0
 
 
-def plan_chart(
-    bound: PlenopticBound, viewing: Viewing, size_px: tuple[int, int] = (760, 420)
-) -> str:
-    """Draw N over the distance of the eyes: what each factor alone asks for, and all together.
+@dataclass(frozen=True)
+class PlanCurves:
+    """What is drawn: N over the distance of the eyes."""
 
-    Returns:
-        An SVG file on a white ground.
-    """
+    eyes_m: list[float]
+    alone: dict[Factor, list[float]]
+    """N at each distance if one factor alone were to limit."""
+    together: list[float]
+    views_range: tuple[float, float]
+    """Lowest and highest N that is shown."""
+    planned: PlenopticBound
+    """At the distance that was asked about."""
+
+    @property
+    def words(self) -> str:
+        """What the plan comes to."""
+        return (
+            f"N = {self.planned.num_views_exact:.1f}, {1000 * self.planned.spacing_m:.1f} mm apart"
+        )
+
+
+def plan_curves(bound: PlenopticBound, viewing: Viewing) -> PlanCurves:
+    """Return N over the distance of the eyes: what each factor alone asks for, and all together."""
     eyes_m = _spread(*EYES_M, 80)
     placed = [replace(viewing, eye_m=eye_m) for eye_m in eyes_m]
     alone: dict[Factor, list[float]] = {
@@ -52,28 +67,39 @@ def plan_chart(
         for limit in limits(bound, viewing)
     }
     together = [extended_bound(bound, each).num_views_exact for each in placed]
-    least = min(1.0, *together)
-    most = 2.0 * max(extended_bound(bound, viewing).num_views_exact, *alone["mpi"])
+    planned = extended_bound(bound, viewing)
+    most = 2.0 * max(planned.num_views_exact, *alone["mpi"])
     most = max(most, *(2.0 * _views(bound, viewing, factor) for factor in alone))
-    axes = _Axes(size_px, EYES_M, (0.8 * least, most))
+    return PlanCurves(eyes_m, alone, together, (0.8 * min(1.0, *together), most), planned)
+
+
+def plan_chart(
+    bound: PlenopticBound, viewing: Viewing, size_px: tuple[int, int] = (760, 420)
+) -> str:
+    """Draw N over the distance of the eyes.
+
+    Returns:
+        An SVG file on a white ground.
+    """
+    curves = plan_curves(bound, viewing)
+    axes = _Axes(size_px, EYES_M, curves.views_range)
     parts = [*axes.grid()]
-    for factor, views in alone.items():
-        parts.append(
-            f'<path class="each" stroke="{COLOURS[factor]}" d="{axes.curve(eyes_m, views)}"/>'
-        )
-    parts.append(f'<path class="all" d="{axes.curve(eyes_m, together)}"/>')
-    ends: dict[Factor, float] = {factor: axes.y_px(views[-1]) for factor, views in alone.items()}
-    for factor, y in _apart(ends).items():
+    for factor, views in curves.alone.items():
+        path = axes.curve(curves.eyes_m, views)
+        parts.append(f'<path class="each" stroke="{COLOURS[factor]}" d="{path}"/>')
+    parts.append(f'<path class="all" d="{axes.curve(curves.eyes_m, curves.together)}"/>')
+    ends: dict[Factor, float] = {
+        factor: axes.y_px(views[-1]) for factor, views in curves.alone.items()
+    }
+    for factor, y in apart(ends, least=16.0).items():
         parts.append(
             f'<text x="{axes.right + 8:g}" y="{y + 4:.1f}" style="fill:{COLOURS[factor]}">'
             f"{html.escape(NAMES[factor])}</text>"
         )
-    planned = extended_bound(bound, viewing)
-    x, y = axes.x_px(viewing.eye_m), axes.y_px(planned.num_views_exact)
+    x, y = axes.x_px(viewing.eye_m), axes.y_px(curves.planned.num_views_exact)
     parts.append(f'<circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/>')
     parts.append(
-        f'<text class="strong" x="{x + 9:.1f}" y="{y + 24:.1f}">N = {planned.num_views_exact:.1f}, '
-        f"{1000 * planned.spacing_m:.1f} mm apart</text>"
+        f'<text class="strong" x="{x + 9:.1f}" y="{y + 24:.1f}">{html.escape(curves.words)}</text>'
     )
     width, height = size_px
     return (
@@ -123,11 +149,11 @@ class _Axes:
 
     def grid(self) -> list[str]:
         parts: list[str] = []
-        for y in _ticks(*self.y_range):
+        for y in ticks(*self.y_range):
             at = f"{self.y_px(y):.1f}"
             parts.append(f'<path class="grid" d="M{LEFT_PX:g} {at}H{self.right:g}"/>')
             parts.append(_text(LEFT_PX - 8, self.y_px(y) + 4, f"{y:g}", "end"))
-        for x in _ticks(*self.x_range):
+        for x in ticks(*self.x_range):
             at = f"{self.x_px(x):.1f}"
             parts.append(f'<path class="grid" d="M{at} {TOP_PX:g}V{self.bottom:g}"/>')
             parts.append(_text(self.x_px(x), self.bottom + 18, f"{x:g}", "middle"))
@@ -148,18 +174,18 @@ def _spread(low: float, high: float, count: int) -> list[float]:
     return [low * (high / low) ** (i / (count - 1)) for i in range(count)]
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def ticks(low: float, high: float) -> list[float]:
     """Return 1, 2, 5 times the powers of ten within a range."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     all_ticks = [float(f"{digit}e{power}") for power in powers for digit in (1, 2, 5)]
     return [tick for tick in all_ticks if low <= tick <= high]
 
 
-def _apart(ends: dict[Factor, float]) -> dict[Factor, float]:
-    """Move labels down until none lies on another."""
+def apart(ends: dict[Factor, float], *, least: float) -> dict[Factor, float]:
+    """Move labels down (towards larger numbers) until they are `least` apart."""
     placed: dict[Factor, float] = {}
     below = -math.inf
     for factor, y in sorted(ends.items(), key=lambda end: end[1]):
-        below = max(y, below + 16)
+        below = max(y, below + least)
         placed[factor] = below
     return placed
