@@ -15,6 +15,10 @@ Wrong arguments are `ValueError` and `TypeError`, as everywhere in Python. The c
 `PeakingError` into one line and exit code 2.
 """
 
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -30,8 +34,15 @@ class FileError(PeakingError):
         self.path = path
         self.field = field
         self.remedy = remedy
+        self.problem = problem
+        self.remedy = remedy
         where = f"{path}: {field}" if field else f"{path}"
         super().__init__(f"{where}: {problem}; {remedy}")
+
+    def __reduce__(self) -> tuple[Callable[..., FileError], tuple[object, ...]]:
+        """Let a worker process hand it over: exceptions are made again from what they say."""
+        made_again = functools.partial(type(self), field=self.field, remedy=self.remedy)
+        return made_again, (self.path, self.problem)
 
 
 class RecordingError(FileError):

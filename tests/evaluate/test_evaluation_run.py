@@ -220,6 +220,14 @@ def test_too_many_views_leave_no_report(plan: EvaluationPlan, tmp_path: Path) ->
     assert not (tmp_path / "out" / "results.json").exists()
 
 
+def test_what_a_worker_cannot_do_is_said_as_it_is_here(
+    plan: EvaluationPlan, tmp_path: Path
+) -> None:
+    with pytest.raises(RecordingError, match="90 views were asked for") as raised:
+        evaluate(replace(plan, views=(90,)), tmp_path / "out", ProcessPool(1))
+    assert raised.value.remedy == "ask for 2 to 18 views (--views)"
+
+
 def test_a_folder_with_something_else_is_left_alone(plan: EvaluationPlan, tmp_path: Path) -> None:
     (tmp_path / "letters.txt").write_text("dear")
     with pytest.raises(OutputError, match=r"holds letters\.txt, not an evaluation"):
