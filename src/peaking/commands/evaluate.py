@@ -59,6 +59,9 @@ class Evaluate:
     """Pixels of the pictures in 3dgs training and its test (179×320)."""
     backend: Literal["numba", "gsplat"] = "numba"
     """3dgs on the CPU, or with CUDA (extra [splat])."""
+    cameras: Literal["recorded", "colmap"] = "recorded"
+    """Where 3dgs takes views and test views to be: as recorded, or as COLMAP says (extra
+    [colmap]), as in the paper."""
     lpips_weights: Path | None = None
     """Folder with torchvision's alexnet-owt-7be5be79.pth, for LPIPS."""
     workers: int | None = None
@@ -98,6 +101,7 @@ class Evaluate:
             threshold_share=self.threshold,
             seeds=self.seeds,
             splat=SplatPlan(self.backend, self.iterations, self.splat_pixels),
+            cameras=self.cameras,
             lpips_folder=self.lpips_weights,
         )
 

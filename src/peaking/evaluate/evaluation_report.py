@@ -140,12 +140,13 @@ def _fair_first(parts: Sequence[_Part]) -> tuple[list[_Part], list[_Part]]:
 
 def _header(evaluation: Evaluation, scenes: Sequence[str]) -> str:
     others = len(strategies_of(evaluation)) - 1
+    notes = "".join(f'<p class="note">{html.escape(note)}</p>' for note in evaluation.notes)
     return (
         f'<header><div><p class="kind">Evaluation</p><h1>{html.escape(", ".join(scenes))}</h1>'
         f'<p class="note">Do views chosen by <b>{html.escape(evaluation.reference)}</b> give '
         f"better pictures than those of {others} other ways to choose? A dot right of the line "
         "says yes; a grey bar, across the line, says that it may be chance (95 % intervals over "
-        "the test views).</p></div></header>\n"
+        f"the test views).</p>{notes}</div></header>\n"
     )
 
 

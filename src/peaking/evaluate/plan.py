@@ -15,7 +15,9 @@ from typing import Any, Literal
 import peaking
 from peaking.datasets.nerfstudio import Recording
 from peaking.datasets.transforms_json import FILE_NAME
+from peaking.errors import RecordingError
 from peaking.evaluate.lpips import LpipsName
+from peaking.evaluate.placing import Placement, Pose
 from peaking.evaluate.reconstruct import Method, SplatPlan
 from peaking.evaluate.results import Case
 from peaking.evaluate.splits import TestViews
@@ -43,6 +45,8 @@ class EvaluationPlan:
     threshold_share: float = PAPER_THRESHOLD_SHARE
     seeds: int = 5
     splat: SplatPlan = field(default_factory=SplatPlan)
+    cameras: Literal["recorded", "colmap"] = "recorded"
+    """Where 3D Gaussians are trained and tested from."""
     lpips_folder: Path | None = None
 
     def __post_init__(self) -> None:
@@ -57,6 +61,10 @@ class EvaluationPlan:
             raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
         if isinstance(self.views, tuple) and (not self.views or min(self.views) < 1):
             raise ValueError(f"need numbers of views >= 1, got {self.views}")
+        if self.cameras == "colmap" and "3dgs" not in self.reconstruct:
+            raise ValueError(
+                "need --reconstruct 3dgs for --cameras colmap; MPIs stay at the recorded cameras"
+            )
 
     @property
     def reference(self) -> str:
@@ -75,6 +83,7 @@ class EvaluationPlan:
             "seeds": self.seeds,
             "reference": self.reference,
             "splat": asdict(self.splat),
+            "cameras": self.cameras,
             "options": self.options.as_dict(),
         }
 
@@ -87,6 +96,14 @@ class CountStep:
     fingerprint: str
     options: Options
     threshold_share: float
+
+
+@dataclass(frozen=True)
+class PlaceStep:
+    """Let COLMAP say where the frames were taken."""
+
+    scene: Path
+    fingerprint: str
 
 
 @dataclass(frozen=True)
@@ -104,7 +121,7 @@ class ChooseStep:
 
 @dataclass(frozen=True)
 class ScoreStep:
-    """Reconstruct from chosen views, and score the test views."""
+    """Reconstruct from views, and score test views."""
 
     scene: Path
     fingerprint: str
@@ -114,11 +131,13 @@ class ScoreStep:
     test: tuple[int, ...]
     seed: int
     splat: SplatPlan | None
+    poses: tuple[Pose, ...] | None
+    """Where the views and the test views were taken; None: where they were recorded."""
     lpips: tuple[LpipsName, ...]
     lpips_folder: Path | None
 
 
-Step = CountStep | ChooseStep | ScoreStep
+Step = CountStep | PlaceStep | ChooseStep | ScoreStep
 
 
 def key_of(step: Step) -> str:
@@ -159,31 +178,49 @@ def score_step(
     found: dict[str, Any],
     *,
     how: Method,
+    placement: Placement | None,
     lpips: tuple[LpipsName, ...],
 ) -> ScoreStep:
-    """Return the step that scores a choice; equal choices of two strategies give equal steps."""
+    """Return the step that scores a choice; equal choices of two strategies give equal steps.
+
+    Raises:
+        RecordingError: COLMAP placed none of the views, or none of the test views.
+    """
     with_splat = how == "3dgs"
+    views, test = tuple(found["views"]), tuple(found["test"])
+    poses = None
+    if with_splat and placement is not None:
+        views, test = placement.placed(views), placement.placed(test)
+        if not views or not test:
+            raise RecordingError(
+                chosen.scene,
+                f"COLMAP placed {len(views)} of the {chosen.num_views} views that "
+                f"{chosen.strategy} chose and {len(test)} of the {len(found['test'])} test views",
+                remedy="take --cameras recorded",
+            )
+        poses = tuple(placement.at(i) for i in (*views, *test))
     return ScoreStep(
         scene=chosen.scene,
         fingerprint=chosen.fingerprint,
         options=chosen.options,
         reconstruct=how,
-        views=tuple(found["views"]),
-        test=tuple(found["test"]),
+        views=views,
+        test=test,
         seed=chosen.seed if with_splat else 0,
         splat=plan.splat if with_splat else None,
+        poses=poses,
         lpips=lpips,
         lpips_folder=plan.lpips_folder,
     )
 
 
-def case_of(chosen: ChooseStep, step: ScoreStep) -> Case:
+def case_of(chosen: ChooseStep, found: dict[str, Any], *, how: Method) -> Case:
     """Return what a scored choice is called in the results."""
     return Case(
         scene=chosen.scene.resolve().name,
         strategy=chosen.strategy,
-        reconstruct=step.reconstruct,
+        reconstruct=how,
         test_views=chosen.test_views,
-        n_views=len(step.views),
+        n_views=len(found["views"]),
         seed=chosen.seed,
     )

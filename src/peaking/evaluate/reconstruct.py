@@ -45,12 +45,11 @@ def with_mpis(scene: Scene, views: Sequence[int]) -> Renderer:
     return render
 
 
-def with_gaussians(scene: Scene, views: Sequence[int], plan: SplatPlan, *, seed: int) -> Renderer:
+def with_gaussians(frames: Sequence[Frame], plan: SplatPlan, *, seed: int) -> Renderer:
     """Train 3D Gaussians on the chosen views and return what they show."""
     from peaking.splat.rasterise import render as rasterise
     from peaking.splat.train import SplatOptions, train
 
-    frames = [shrunk(scene.recording.read(i), plan.pixels) for i in views]
     options = SplatOptions(iterations=plan.iterations, seed=seed)
     gaussians = train(frames, options, backend=plan.backend)
 

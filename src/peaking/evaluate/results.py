@@ -69,12 +69,14 @@ class CaseResult:
         views: The chosen views, numbers in the recording.
         scores: One per test view, in the order of the recording.
         seconds: To reconstruct and to render all test views.
+        lost: How many of the views could not be used, since COLMAP could not place them.
     """
 
     case: Case
     views: tuple[int, ...]
     scores: tuple[ViewScore, ...]
     seconds: float
+    lost: int = 0
 
     def row(self) -> dict[str, str | int | float | None]:
         """Return the row of `results.json`."""
@@ -88,6 +90,7 @@ class CaseResult:
             "test_views": c.test_views,
             "seed": c.seed,
             "n_views": c.n_views,
+            "n_lost": self.lost,
             "psnr_mean": float(psnr.mean()),
             "psnr_std": float(psnr.std()),
             "psnr_p5": float(np.percentile(psnr, LOWEST_PERCENT)),

@@ -18,10 +18,12 @@ from peaking.evaluate.evaluation_report import write_report
 from peaking.evaluate.executors import Executor
 from peaking.evaluate.intervals import compare
 from peaking.evaluate.lpips import LpipsName, available
+from peaking.evaluate.placing import Placement
 from peaking.evaluate.plan import (
     ChooseStep,
     CountStep,
     EvaluationPlan,
+    PlaceStep,
     ScoreStep,
     Step,
     case_of,
@@ -29,7 +31,7 @@ from peaking.evaluate.plan import (
     fingerprint_of,
     score_step,
 )
-from peaking.evaluate.results import CaseResult, ViewScore
+from peaking.evaluate.results import Case, CaseResult, ViewScore
 from peaking.evaluate.scoring import with_pictures
 from peaking.evaluate.splits import budgets, num_candidates
 from peaking.evaluate.step_cache import StepCache
@@ -89,23 +91,40 @@ def evaluate(
 
     Raises:
         RecordingError: A recording cannot be used or has too few frames.
+        CamerasNotFound: COLMAP cannot join the pictures of a recording.
+        BackendUnavailable: What a step needs is not installed.
         OutputError: `out` is not writable, or holds something else.
     """
     _begin(out)
     runner = Runner(StepCache(out / CACHE), executor, progress)
     prints = {scene: _checked(plan, scene) for scene in plan.scenes}
+    placements = _placements(plan, prints, runner)
     choices: list[ChooseStep] = []
     for scene, counts in _counts(plan, prints, runner).items():
         choices += choose_steps(plan, scene, prints[scene], counts)
     chosen = runner.run(choices, "choosing views")
     lpips = _lpips_at_hand(plan)
-    scored_as: list[tuple[ChooseStep, ScoreStep]] = [
-        (choice, score_step(plan, choice, chosen[choice], how=how, lpips=lpips))
-        for how in plan.reconstruct
-        for choice in choices
+    scored_as: dict[Case, tuple[tuple[int, ...], ScoreStep]] = {}
+    for how in plan.reconstruct:
+        for choice in choices:
+            found = chosen[choice]
+            placement = placements.get(choice.scene)
+            step = score_step(plan, choice, found, how=how, placement=placement, lpips=lpips)
+            scored_as.setdefault(case_of(choice, found, how=how), (tuple(found["views"]), step))
+    scored = runner.run([step for _, step in scored_as.values()], "scoring views")
+    results = [
+        _result(case, views, step, found=scored[step], out=out)
+        for case, (views, step) in scored_as.items()
     ]
-    scored = runner.run([step for _, step in scored_as], "scoring views")
-    evaluation = _evaluation(plan, scored_as, scored, out)
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    evaluation = Evaluation(
+        plan.as_dict(),
+        versions(),
+        plan.reference,
+        results,
+        compare(results, reference=plan.reference, rng=rng),
+        notes=[f"{scene.resolve().name}: {p.words()}." for scene, p in placements.items()],
+    )
     _write(evaluation, out)
     return evaluation
 
@@ -156,6 +175,17 @@ def _counts(
     return {scene: (int(found[step]["count"]),) for scene, step in steps.items()}
 
 
+def _placements(
+    plan: EvaluationPlan, prints: Mapping[Path, str], runner: Runner
+) -> dict[Path, Placement]:
+    """Return where COLMAP says that the frames were taken; nothing where it is not asked."""
+    if plan.cameras == "recorded":
+        return {}
+    steps = {scene: PlaceStep(scene, prints[scene]) for scene in plan.scenes}
+    found = runner.run(list(steps.values()), "finding cameras (COLMAP; minutes)")
+    return {scene: Placement.read(found[step]) for scene, step in steps.items()}
+
+
 def _lpips_at_hand(plan: EvaluationPlan) -> tuple[LpipsName, ...]:
     """Return the learned distances whose weights are here: the official one, else the other."""
     names: tuple[LpipsName, ...] = ("lpips-alex", "st-lpips-alex")
@@ -165,28 +195,16 @@ def _lpips_at_hand(plan: EvaluationPlan) -> tuple[LpipsName, ...]:
     return ()
 
 
-def _evaluation(
-    plan: EvaluationPlan,
-    scored_as: Sequence[tuple[ChooseStep, ScoreStep]],
-    scored: Mapping[Step, Found],
-    out: Path,
-) -> Evaluation:
-    results: dict[object, CaseResult] = {}
-    for choice, step in scored_as:
-        case = case_of(choice, step)
-        if case not in results:
-            found = scored[step]
-            stem = f"{case.scene}_{case.strategy}_{case.reconstruct}_{case.test_views}"
-            stem += f"_{case.n_views}_{case.seed}"
-            files = _write_pictures(found["pictures"], out, stem)
-            scores = [ViewScore(**score) for score in found["scores"]]
-            results[case] = CaseResult(
-                case, step.views, tuple(with_pictures(scores, files)), found["seconds"]
-            )
-    ordered = tuple(results.values())
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    comparisons = compare(ordered, reference=plan.reference, rng=rng)
-    return Evaluation(plan.as_dict(), versions(), plan.reference, ordered, comparisons)
+def _result(
+    case: Case, views: tuple[int, ...], step: ScoreStep, *, found: Found, out: Path
+) -> CaseResult:
+    """Return the scores of a case, after writing the pictures of its worst views."""
+    stem = f"{case.scene}_{case.strategy}_{case.reconstruct}_{case.test_views}"
+    stem += f"_{case.n_views}_{case.seed}"
+    files = _write_pictures(found["pictures"], out, stem)
+    scores = [ViewScore(**score) for score in found["scores"]]
+    lost = len(views) - len(step.views)
+    return CaseResult(case, views, tuple(with_pictures(scores, files)), found["seconds"], lost)
 
 
 def _write_pictures(pictures: Mapping[str, str], out: Path, stem: str) -> dict[int, str]:

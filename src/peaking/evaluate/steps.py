@@ -13,13 +13,15 @@ import numpy as np
 
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import RecordingError
-from peaking.evaluate.plan import ChooseStep, CountStep, ScoreStep, Step
+from peaking.evaluate.placing import at_pose, place
+from peaking.evaluate.plan import ChooseStep, CountStep, PlaceStep, ScoreStep, Step
 from peaking.evaluate.reconstruct import shrunk, with_gaussians, with_mpis
 from peaking.evaluate.scene import Scene
 from peaking.evaluate.scoring import Perceptual, score_views
 from peaking.evaluate.splits import LEAST_VIEWS, split
 from peaking.evaluate.strategies import STRATEGIES
 from peaking.evaluate.strategies.threshold import walk
+from peaking.frame import Frame
 from peaking.presets import Options
 
 Found = dict[str, Any]
@@ -35,6 +37,8 @@ def perform(step: Step) -> Found:
     """
     if isinstance(step, CountStep):
         return _count(step)
+    if isinstance(step, PlaceStep):
+        return _place(step)
     return _choose(step) if isinstance(step, ChooseStep) else _score(step)
 
 
@@ -55,6 +59,14 @@ def _count(step: CountStep) -> Found:
     most = len(frames.candidates)
     taken = walk(scene, frames.candidates, step.threshold_share, most=most)
     return {"count": len(taken.views)}
+
+
+def _place(step: PlaceStep) -> Found:
+    start_s = time.perf_counter()
+    return {
+        **asdict(place(open_recording(step.scene))),
+        "seconds": time.perf_counter() - start_s,
+    }
 
 
 def _choose(step: ChooseStep) -> Found:
@@ -84,8 +96,8 @@ def _score(step: ScoreStep) -> Found:
     scene = _opened(step.scene, step.fingerprint, step.options)
     start_s = time.perf_counter()
     if step.splat is not None:
-        render = with_gaussians(scene, step.views, step.splat, seed=step.seed)
-        tested = [(i, shrunk(scene.recording.read(i), step.splat.pixels)) for i in step.test]
+        training, tested = _frames_of_gaussians(scene, step, step.splat.pixels)
+        render = with_gaussians(training, step.splat, seed=step.seed)
     else:
         render = with_mpis(scene, step.views)
         tested = [(i, scene.frame(i)) for i in step.test]
@@ -97,6 +109,18 @@ def _score(step: ScoreStep) -> Found:
         "built_seconds": built_s,
         "seconds": time.perf_counter() - start_s,
     }
+
+
+def _frames_of_gaussians(
+    scene: Scene, step: ScoreStep, pixels: int
+) -> tuple[list[Frame], list[tuple[int, Frame]]]:
+    """Return the frames to train on, and those to test with their numbers."""
+    numbers = (*step.views, *step.test)
+    frames = [shrunk(scene.recording.read(i), pixels) for i in numbers]
+    if step.poses is not None:
+        frames = [at_pose(frame, pose) for frame, pose in zip(frames, step.poses, strict=True)]
+    count = len(step.views)
+    return frames[:count], list(zip(step.test, frames[count:], strict=True))
 
 
 def _perceptual(step: ScoreStep) -> Perceptual:

@@ -49,6 +49,7 @@ class Evaluation:
         reference: The strategy that is the paper's "Ours".
         results: One per data set, in any order.
         comparisons: From `intervals.compare` with the same reference.
+        notes: What is to be known beside the figures; sentences.
     """
 
     config: Mapping[str, object]
@@ -56,6 +57,7 @@ class Evaluation:
     reference: str
     results: Sequence[CaseResult]
     comparisons: Sequence[Difference]
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,7 @@ def table_md(evaluation: Evaluation) -> str:
     """Return Table 1 as ratios, then in absolute values, as Markdown."""
     # "--" may not stand within a comment.
     parts = [f"<!-- {_provenance(evaluation).replace('--', '- -')} -->\n", f"{READING}\n"]
+    parts += [f"{note}\n" for note in evaluation.notes]
     for table in table_1(evaluation):
         ratios = {name: ratio_texts(table, name) for name in table.ratios}
         absolute = {
@@ -182,6 +185,7 @@ def results_json(evaluation: Evaluation) -> str:
     document = {
         "config": plain(evaluation.config),
         "versions": plain(evaluation.versions),
+        "notes": list(evaluation.notes),
         "rows": [finite_row(result) for result in sorted(evaluation.results, key=lambda r: r.case)],
         "compare": [asdict(difference) for difference in evaluation.comparisons],
     }
