@@ -120,6 +120,16 @@ def test_what_was_stopped_goes_on_and_nothing_is_done_twice(
     assert rows_of(out) == same(rows_of(whole))
 
 
+def test_what_is_done_is_read_again_without_a_worker(
+    plan: EvaluationPlan, tmp_path: Path
+) -> None:
+    """The command as it is, with its workers, where nothing is left to do."""
+    evaluate(plan, tmp_path / "out", InProcess())
+    before = rows_of(tmp_path / "out")
+    evaluate(plan, tmp_path / "out", ProcessPool(2))
+    assert rows_of(tmp_path / "out") == before
+
+
 def test_another_setting_is_another_step(walk: Path, plan: EvaluationPlan) -> None:
     print_of = fingerprint_of(open_recording(walk))
     step = ChooseStep(walk, print_of, SMALL, "uniform", "holdout", 4, 0)

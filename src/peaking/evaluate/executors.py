@@ -53,6 +53,8 @@ class ProcessPool:
         """
         left = list(steps)
         for attempt in range(RETRIES + 1):
+            if not left:
+                return
             done: set[int] = set()
             try:
                 for k, found in self._once(left):
@@ -65,8 +67,6 @@ class ProcessPool:
                         "(--workers 1); what was done is kept, and is not done again"
                     ) from error
             left = [step for k, step in enumerate(left) if k not in done]
-            if not left:
-                return
 
     def _once(self, steps: Sequence[Step]) -> Iterator[tuple[int, Found]]:
         context = multiprocessing.get_context("spawn")
