@@ -9,17 +9,26 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from peaking.cli import main
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.evaluate.executors import InProcess, ProcessPool
-from peaking.evaluate.plan import ChooseStep, EvaluationPlan, Step, fingerprint_of, key_of
+from peaking.evaluate.plan import (
+    ChooseStep,
+    EvaluationPlan,
+    Step,
+    choose_steps,
+    fingerprint_of,
+    key_of,
+)
 from peaking.evaluate.reconstruct import SplatPlan
 from peaking.evaluate.run import evaluate
 from peaking.evaluate.step_cache import StepCache
 from peaking.evaluate.steps import Found, perform
+from peaking.geometry import Rigid
 from peaking.presets import DEFAULT
 from recordings import lateral_cameras, write_recording
 
@@ -120,9 +129,7 @@ def test_what_was_stopped_goes_on_and_nothing_is_done_twice(
     assert rows_of(out) == same(rows_of(whole))
 
 
-def test_what_is_done_is_read_again_without_a_worker(
-    plan: EvaluationPlan, tmp_path: Path
-) -> None:
+def test_what_is_done_is_read_again_without_a_worker(plan: EvaluationPlan, tmp_path: Path) -> None:
     """The command as it is, with its workers, where nothing is left to do."""
     evaluate(plan, tmp_path / "out", InProcess())
     before = rows_of(tmp_path / "out")
@@ -141,6 +148,35 @@ def test_another_setting_is_another_step(walk: Path, plan: EvaluationPlan) -> No
     ]
     assert len({key_of(step), *map(key_of, others)}) == 5
     assert key_of(replace(step, scene=Path("elsewhere") / "walk")) == key_of(step)
+
+
+def test_rotations_count_for_uniform_where_asked_and_change_no_other_step(
+    plan: EvaluationPlan, tmp_path: Path
+) -> None:
+    """A camera that goes, turns on the spot, and goes on."""
+    straight = lateral_cameras(24, *SIZE_PX)
+    places_m = [np.array([0.05 * min(i, 8 + max(0, i - 16)), 0.0, 0.0]) for i in range(24)]
+    turned = [Rigid(yaw(0.05 * min(max(i - 8, 0), 8)), place) for i, place in enumerate(places_m)]
+    cameras = [replace(c, world_from_cam=pose) for c, pose in zip(straight, turned, strict=True)]
+    turn = write_recording(tmp_path / "turn", cameras=cameras)
+    print_of = fingerprint_of(open_recording(turn))
+    without = replace(plan, scenes=(turn,), strategies=("uniform", "farthest"))
+    with_turn = replace(without, uniform_metres_per_rad=2.0)
+    plain, counted = (choose_steps(p, turn, print_of, [4]) for p in (without, with_turn))
+    assert len({key_of(plain[0]), key_of(counted[0])}) == 2
+    assert key_of(plain[1]) == key_of(counted[1])
+    on_the_spot = [sum(8 < i < 16 for i in perform(s[0])["views"]) for s in (plain, counted)]
+    assert on_the_spot[0] == 0
+    assert on_the_spot[1] > 0
+    as_in_paper = replace(with_turn, test_views=("paper",))
+    own, other = choose_steps(as_in_paper, turn, print_of, [4])
+    assert perform(own)["test"] == perform(other)["test"]
+    assert any(8 < i < 16 for i in perform(own)["views"])
+
+
+def yaw(angle_rad: float) -> np.ndarray:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def test_a_damaged_step_is_said_and_done_again(
@@ -251,6 +287,7 @@ def test_a_folder_with_something_else_is_left_alone(plan: EvaluationPlan, tmp_pa
         ({"strategies": ("luck",)}, "need strategies among"),
         ({"seeds": 0}, "seeds >= 1"),
         ({"views": (0,)}, "need numbers of views >= 1"),
+        ({"uniform_metres_per_rad": -1.0}, r"need uniform rotation >= 0 m per radian, got -1\.0"),
         ({"threshold_share": 1.5}, "need 0 <= threshold < 1"),
     ],
 )

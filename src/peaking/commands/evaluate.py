@@ -53,6 +53,8 @@ class Evaluate:
     """Peaked share, 0…1, at which `from-ours` counts (the paper's 4.28 %)."""
     seeds: int = 5
     """Repetitions of what is random."""
+    uniform_rotation: float = 0.0
+    """Metres of path that a rotation by one radian counts as for `uniform`; 0: places only."""
     iterations: int = 2000
     """Steps of 3dgs training."""
     splat_pixels: int = 57280
@@ -100,6 +102,7 @@ class Evaluate:
             views=_views(self.views),
             threshold_share=self.threshold,
             seeds=self.seeds,
+            uniform_metres_per_rad=self.uniform_rotation,
             splat=SplatPlan(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
             lpips_folder=self.lpips_weights,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -44,6 +45,8 @@ class EvaluationPlan:
     """Numbers of views; or as many as `threshold` takes at `threshold_share`; or three budgets."""
     threshold_share: float = PAPER_THRESHOLD_SHARE
     seeds: int = 5
+    uniform_metres_per_rad: float = 0.0
+    """What a rotation counts as on the path of `uniform`, in metres; 0 leaves rotations out."""
     splat: SplatPlan = field(default_factory=SplatPlan)
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Where 3D Gaussians are trained and tested from."""
@@ -59,6 +62,10 @@ class EvaluationPlan:
             raise ValueError("need scenes whose folders have different names")
         if not 0 <= self.threshold_share < 1:
             raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
+        if not 0 <= self.uniform_metres_per_rad < math.inf:
+            raise ValueError(
+                f"need uniform rotation >= 0 m per radian, got {self.uniform_metres_per_rad}"
+            )
         if isinstance(self.views, tuple) and (not self.views or min(self.views) < 1):
             raise ValueError(f"need numbers of views >= 1, got {self.views}")
         if self.cameras == "colmap" and "3dgs" not in self.reconstruct:
@@ -81,6 +88,7 @@ class EvaluationPlan:
             "views": self.views if not isinstance(self.views, tuple) else list(self.views),
             "threshold_share": self.threshold_share,
             "seeds": self.seeds,
+            "uniform_metres_per_rad": self.uniform_metres_per_rad,
             "reference": self.reference,
             "splat": asdict(self.splat),
             "cameras": self.cameras,
@@ -117,6 +125,8 @@ class ChooseStep:
     test_views: TestViews
     num_views: int
     seed: int
+    uniform_metres_per_rad: float = 0.0
+    """0 too where Uniform decides neither the views nor the test views."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +174,18 @@ def choose_steps(
 ) -> list[ChooseStep]:
     """Return every choice that a scene needs; strategies without chance have one seed."""
     return [
-        ChooseStep(scene, fingerprint, plan.options, strategy, test_views, count, seed)
+        ChooseStep(
+            scene,
+            fingerprint,
+            plan.options,
+            strategy,
+            test_views,
+            count,
+            seed,
+            uniform_metres_per_rad=plan.uniform_metres_per_rad
+            if strategy == "uniform" or test_views == "paper"
+            else 0.0,
+        )
         for test_views in plan.test_views
         for count in counts
         for strategy in plan.strategies

@@ -41,12 +41,20 @@ class Split:
     uniform: tuple[int, ...] | None = None
 
 
-def split(scene: Scene, usable: Sequence[int], test_views: TestViews, num_views: int) -> Split:
+def split(
+    scene: Scene,
+    usable: Sequence[int],
+    test_views: TestViews,
+    num_views: int,
+    *,
+    uniform_metres_per_rad: float = 0.0,
+) -> Split:
     """Split the usable frames of a recording.
 
     `holdout`: every n-th frame is tested and never a candidate, the same for all strategies and
     numbers of views. `paper`: tested is the middle frame between every two views of Uniform (paper,
-    section 4.2); the rest is candidates.
+    section 4.2); the rest is candidates. `uniform_metres_per_rad` is what a rotation counts as on
+    Uniform's path.
 
     Raises:
         RecordingError: There are too few frames for so many views and a test view.
@@ -57,7 +65,9 @@ def split(scene: Scene, usable: Sequence[int], test_views: TestViews, num_views:
         uniform = None
     else:
         cameras = [scene.cameras[i] for i in usable]
-        uniform = tuple(spread_along(cameras, usable, min(num_views, len(usable))))
+        count = min(num_views, len(usable))
+        views = spread_along(cameras, usable, count, metres_per_rad=uniform_metres_per_rad)
+        uniform = tuple(views)
         place = {frame: k for k, frame in enumerate(usable)}
         places = itertools.pairwise(place[i] for i in uniform)
         test = tuple(usable[(a + b) // 2] for a, b in places if b - a > 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import time
 from dataclasses import asdict
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from peaking.evaluate.scoring import Perceptual, score_views
 from peaking.evaluate.splits import LEAST_VIEWS, split
 from peaking.evaluate.strategies import STRATEGIES
 from peaking.evaluate.strategies.threshold import walk
+from peaking.evaluate.strategies.uniform import uniform
 from peaking.frame import Frame
 from peaking.presets import Options
 
@@ -72,12 +73,18 @@ def _place(step: PlaceStep) -> Found:
 def _choose(step: ChooseStep) -> Found:
     scene = _opened(step.scene, step.fingerprint, step.options)
     start_s = time.perf_counter()
-    frames = split(scene, usable_frames(scene), step.test_views, step.num_views)
+    metres_per_rad = step.uniform_metres_per_rad
+    usable = usable_frames(scene)
+    frames = split(
+        scene, usable, step.test_views, step.num_views, uniform_metres_per_rad=metres_per_rad
+    )
     if step.strategy == "uniform" and frames.uniform is not None:
         views = list(frames.uniform)
     else:
         rng = np.random.default_rng([step.seed, step.num_views])
         choose = STRATEGIES[step.strategy]
+        if step.strategy == "uniform":
+            choose = partial(uniform, metres_per_rad=metres_per_rad)
         views = choose(scene, frames.candidates, step.num_views, rng)
     if step.strategy != "all" and len(views) != step.num_views:
         raise RecordingError(

@@ -13,10 +13,19 @@ from peaking.geometry import Camera
 
 
 def uniform(
-    scene: Scene, candidates: Sequence[int], count: int, rng: np.random.Generator
+    scene: Scene,
+    candidates: Sequence[int],
+    count: int,
+    rng: np.random.Generator,
+    *,
+    metres_per_rad: float = 0.0,
 ) -> list[int]:
-    """Choose views at equal distances along the path, "as far as possible" (paper, section 4.2)."""
-    return spread_along([scene.cameras[i] for i in candidates], candidates, count)
+    """Choose views at equal distances along the path, "as far as possible" (paper, section 4.2).
+
+    With `metres_per_rad` a rotation is a part of the path too (`spread_along`).
+    """
+    cameras = [scene.cameras[i] for i in candidates]
+    return spread_along(cameras, candidates, count, metres_per_rad=metres_per_rad)
 
 
 def spread_along(
