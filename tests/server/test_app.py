@@ -16,9 +16,10 @@ from peaking.datasets.nerfstudio import open_recording
 from peaking.mpi_file import decode
 from peaking.server import wire
 from peaking.server.app import ServerConfig, create_app
+from peaking.server.open_session import OpenSession
 from peaking.server.openapi import OPERATIONS
 from peaking.server.recordings import PlayedRecording
-from peaking.server.sessions import OpenSession, SessionStore
+from peaking.server.sessions import SessionStore
 
 TOKEN = "a-token-of-this-test"
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
@@ -187,7 +188,7 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("peaking.server.sessions.write_durably", full)
+        patch.setattr("peaking.server.open_session.write_durably", full)
         answer = client.post(capture_path(1), content=upload(1))
     assert answer.status_code == 507
     assert "phone holds the capture" in answer.json()["problem"]

@@ -34,9 +34,10 @@ from peaking.server.dataset import zip_stream
 from peaking.server.durable import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
 from peaking.server.generation import GenerationQueue
+from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession
 from peaking.server.openapi import document
 from peaking.server.recordings import PlayedRecording
-from peaking.server.sessions import OpenSession, SessionStore, UnknownCapture, UnknownSession
+from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, parse_upload
 
 MOST_JSON_BYTES = 1_000_000

@@ -22,7 +22,7 @@ from peaking.pipeline import LocalLightField
 from peaking.presets import Options
 from peaking.server import wire
 from peaking.server.durable import DiskFull
-from peaking.server.sessions import FAST, OpenSession
+from peaking.server.open_session import FAST, OpenSession
 from peaking.server.upload import camera_of_wire
 
 CAPACITY = 64
