@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from e2e.virtual_phone_page import ARTEFACTS, PATIENCE_MS, moved
-from live_server import LiveServer, chromium
+from live_server import LiveServer
 from peaking.cli import main
 from peaking.study.measures import measures_of
 from peaking.study.protocol import FILE_NAME
@@ -48,21 +48,20 @@ design = "within"
 order = "fixed"
 planned_participants = 1
 seed = 1
-conditions = [
-  { name = "llff", label = "Grid", overlay = "none", guide = "plenoptic", scan = true },
-]
 scenes = [{ name = "desk", label = "Desk" }]
+[[conditions]]
+name = "llff"
+label = "Grid"
+overlay = "none"
+guide = "plenoptic"
+area_side_m = 0.3
+scan = true
 """
 
 
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser, None, None]:
-    with chromium() as browser:
-        yield browser
-
-
 @pytest.fixture
-def phone(browser: Browser) -> Generator[BrowserContext, None, None]:
+def phone(browser: Browser, server: LiveServer) -> Generator[BrowserContext, None, None]:
+    """Return a phone, whose pages are closed before the server is: it would wait for them."""
     context = browser.new_context(
         viewport={"width": 412, "height": 915}, has_touch=True, is_mobile=True
     )
@@ -71,10 +70,10 @@ def phone(browser: Browser) -> Generator[BrowserContext, None, None]:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
+def server(tmp_path: Path, request: pytest.FixtureRequest) -> Generator[LiveServer, None, None]:
     folder = tmp_path / "study"
     folder.mkdir()
-    (folder / FILE_NAME).write_text(PROTOCOL)
+    (folder / FILE_NAME).write_text(getattr(request, "param", PROTOCOL))
     server = LiveServer(folder, command=("study", "serve", "--local")).start()
     yield server
     server.stop()
@@ -282,13 +281,9 @@ def test_a_whole_participant(
     assert (tmp_path / "results" / "report.html").is_file()
 
 
-def test_a_guided_trial_scans_first(
-    browser: Browser, phone: BrowserContext, server: LiveServer
-) -> None:
+@pytest.mark.parametrize("server", [GUIDED], indirect=True)
+def test_a_guided_trial_scans_first(phone: BrowserContext, server: LiveServer) -> None:
     problems: list[str] = []
-    server.stop()
-    (server.sessions / FILE_NAME).write_text(GUIDED)
-    server.start()
     console = open_page(phone, f"{server.address}/study", problems)
     console.get_by_role("button", name="Add participant").click()
     press(console, "Start", "scan")
@@ -329,5 +324,6 @@ def test_a_guided_trial_scans_first(
     assert found["nct_s"] == found["tct_s"]
     told = {e.name: e.value for e in trial.events if isinstance(e, GuideTold)}
     assert told["z_min_m"] > 0
+    assert told["area_side_m"] == 0.3
     assert told["views_needed"] >= 1
     assert problems == []

@@ -136,6 +136,19 @@ def test_an_odd_number_for_ab_ba_is_said() -> None:
             "conditions[0].overlay",
             "none",
         ),
+        ("scan = true", "scan = true, area_side_m = 15", "conditions[1].area_side_m", "correct it"),
+        (
+            "scan = true",
+            'scan = true, area_side_m = "a"',
+            "conditions[1].area_side_m",
+            "correct it",
+        ),
+        (
+            'overlay = "peaks"',
+            'overlay = "peaks", area_side_m = 0.3',
+            "conditions[0].area_side_m",
+            "leave area_side_m out",
+        ),
         (
             "[ask]",
             '[[families]]\nname = "main"\nmeasures = ["tct"]\n[ask]',

@@ -46,6 +46,8 @@ class Condition(Struct, frozen=True):
     """`peaks`: the error peaking of the capture page; `none`: the camera's picture alone."""
     guide: Literal["none", "plenoptic"] = "none"
     """`plenoptic`: LLFF's grid of 3D axes over the picture."""
+    area_side_m: Annotated[float, Meta(ge=0.01, le=10)] | None = None
+    """Side of the square in which the guide asks for views, S; none: the paper's 0.15."""
     scan: bool = False
     """The scene is scanned before the capture (LLFF needs it for its smallest depth)."""
 
@@ -266,6 +268,12 @@ def _check(protocol: Protocol, file: Path) -> None:
                 f"conditions[{index}].overlay",
                 "a guide and the error peaking cannot be shown at once",
                 'write: overlay = "none"',
+            )
+        if condition.area_side_m is not None and condition.guide == "none":
+            refuse(
+                f"conditions[{index}].area_side_m",
+                "it is the area of a guide, and there is none",
+                'write: guide = "plenoptic", or leave area_side_m out',
             )
         if condition.scan and condition.guide == "none":
             refuse(

@@ -13,6 +13,7 @@ export function guideNews(state: GuideState): GuideNews {
     ...(state.zMin_m !== null && { z_min_m: state.zMin_m }),
     ...(state.bound !== null && {
       views_needed: state.bound.numViews, spacing_m: state.bound.spacing_m,
+      area_side_m: state.bound.areaSide_m,
     }),
   };
 }

@@ -137,7 +137,9 @@ function captureUrl(step: ShownStep, participant: string): string {
   const next = new URLSearchParams({ study: participant });
   const source = query.get('source');
   if (source !== null) next.set('source', source);
-  if (step.capture != null && step.capture.guide !== 'none') next.set('guide', step.capture.guide);
+  const { guide, area_side_m } = step.capture ?? { guide: 'none', area_side_m: null };
+  if (guide !== 'none') next.set('guide', guide);
+  if (area_side_m !== null) next.set('area', String(area_side_m));
   return `./?${next.toString()}`;
 }
 

@@ -38,6 +38,7 @@ export interface Questionnaire {
 export interface CaptureSetting {
   readonly overlay: 'none' | 'peaks';
   readonly guide: 'none' | 'plenoptic';
+  readonly area_side_m: number | null;
   readonly session: string | null;
 }
 

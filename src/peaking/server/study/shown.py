@@ -73,6 +73,7 @@ def _shown_step(
         capture = wire.CaptureSetting(
             overlay=condition.overlay,
             guide=condition.guide,
+            area_side_m=condition.area_side_m,
             session=participant.session(step),
         )
     return wire.ShownStep(

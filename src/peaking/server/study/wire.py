@@ -30,6 +30,8 @@ class CaptureSetting(Struct, frozen=True):
 
     overlay: Literal["peaks", "none"]
     guide: Literal["none", "plenoptic"]
+    area_side_m: float | None
+    """Of the guide; null: the client's own."""
     session: str | None
     """Id of the capture session that was begun for this trial, or for its practice."""
 
