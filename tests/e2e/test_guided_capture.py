@@ -12,25 +12,12 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
-from live_server import LiveServer, chromium
+from live_server import LiveServer
 
 ORANGE = (255, 168, 26)
 """COLOURS.right of web/src/guidance/marks.ts, of the next target, which is drawn opaque."""
 
 GRID = "source=virtual&guide=plenoptic&area=0.12&depth=exact"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Generator[Browser, None, None]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext, None, None]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
-    yield context
-    context.close()
 
 
 @pytest.fixture(scope="module")

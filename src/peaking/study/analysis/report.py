@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping
-from importlib import resources
 
+from peaking.page import html_page, resource
 from peaking.study.analysis import words
 from peaking.study.analysis.analyse import Analysis, Description, MeasureAnalysis
 from peaking.study.analysis.method import method, missing, sensitivity
@@ -46,8 +46,6 @@ def report_page(analysis: Analysis, figures: Mapping[str, bytes], *, version: st
         figures: SVG by name: `boxes`, `effects`, `likert-7` …
         version: Of peaking.
     """
-    style = resources.files("peaking.study.analysis").joinpath("report.css").read_text("utf-8")
-    title = html.escape(analysis.protocol.title)
     sections = [
         _header(analysis),
         _numbers(analysis),
@@ -59,12 +57,10 @@ def report_page(analysis: Analysis, figures: Mapping[str, bytes], *, version: st
         _power(analysis),
         _who(analysis),
     ]
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}: analysis</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        f"{''.join(sections)}<footer>Made by peaking {html.escape(version)}.</footer>\n"
-        "</main>\n</body>\n</html>\n"
+    return html_page(
+        f"{analysis.protocol.title}: analysis",
+        f"{''.join(sections)}<footer>Made by peaking {html.escape(version)}.</footer>\n",
+        style=resource("peaking.study.analysis", "report.css"),
     )
 
 
