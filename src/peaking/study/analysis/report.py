@@ -34,7 +34,7 @@ CAPTIONS = {
 INTERVALS_DIFFER = (
     f"the two of the rank-biserial differ by more than {words.bounded(words.MUCH)}. Fisher’s z "
     "is what R’s effectsize gives; where an effect is strong, it holds the true value less often "
-    "than 95% (r = .98, 20 participants: 45%), the score interval as often as it says."
+    "than 95% (r = .98, 20 participants: 44%), the score interval as often as it says."
 )
 
 
