@@ -14,7 +14,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +54,27 @@ class Seen:
     view: Rendering
     errors: ErrorMap
     neighbours: tuple[Neighbour, ...]
+
+
+def neighbours_of(
+    cameras: Sequence[Camera], target: Camera, options: Options, *, mpi_of: Callable[[int], Mpi]
+) -> tuple[Neighbour, ...]:
+    """Choose the views to show a target by, and their weights.
+
+    Args:
+        cameras: Where the views were taken.
+        target: The camera to render for.
+        options: How.
+        mpi_of: The MPI of a view, by its number; is asked for one at most.
+
+    Raises:
+        ValueError: There is no view.
+    """
+    if options.weights == "paper":
+        return nearest_by_distance(cameras, target, count=options.neighbours)
+    closest = nearest_by_distance(cameras, target, count=1)[0]
+    scene_depth_m = float(np.median(mpi_of(closest.index).plane_depths_m))
+    return nearest_by_overlap(cameras, target, scene_depth_m, count=options.neighbours)
 
 
 class LocalLightField:
@@ -177,17 +198,21 @@ class LocalLightField:
             ValueError: No view was captured yet, or the sizes differ.
         """
         view, neighbours = self.view_from(camera)
+        return Seen(view, self.errors_of(view, live), neighbours)
+
+    def errors_of(self, view: Rendering, live: UInt8[np.ndarray, "h w 3"]) -> ErrorMap:
+        """Compare a view with a live picture.
+
+        Raises:
+            ValueError: The sizes differ.
+        """
+        comparison = Comparison(
+            threshold=self.options.error_threshold,
+            shift_px=self.options.shift_px,
+            compensate_exposure=self.options.compensate_exposure,
+        )
         with self.stopwatch.stage("compare"):
-            errors = compare(
-                view,
-                live,
-                Comparison(
-                    threshold=self.options.error_threshold,
-                    shift_px=self.options.shift_px,
-                    compensate_exposure=self.options.compensate_exposure,
-                ),
-            )
-        return Seen(view, errors, neighbours)
+            return compare(view, live, comparison)
 
     def view_from(self, camera: Camera) -> tuple[Rendering, tuple[Neighbour, ...]]:
         """Render the scene from anywhere.
@@ -197,14 +222,17 @@ class LocalLightField:
         """
         with self.stopwatch.stage("nearest"):
             neighbours = self._nearest(camera)
+        return self.shown_by(neighbours, camera), neighbours
+
+    def shown_by(self, neighbours: Sequence[Neighbour], camera: Camera) -> Rendering:
+        """Render the scene from anywhere, as given views show it."""
         with self.stopwatch.stage("render"):
             rgba, depth_m = self._buffers_for(len(neighbours), camera)
             for k, neighbour in enumerate(neighbours):
                 render(self.views[neighbour.index], camera, out=(rgba[k], depth_m[k]))
         with self.stopwatch.stage("blend"):
             weights = [neighbour.weight for neighbour in neighbours]
-            view = blend(rgba, depth_m, weights, opacity=self.options.opacity)
-        return view, neighbours
+            return blend(rgba, depth_m, weights, opacity=self.options.opacity)
 
     def _align_again(self, number: int) -> None:
         """Give a guessed view its place in metres, if other views now say where."""
@@ -225,13 +253,9 @@ class LocalLightField:
         )
 
     def _nearest_of(self, views: Sequence[Mpi], camera: Camera) -> tuple[Neighbour, ...]:
-        cameras = [view.camera for view in views]
-        count = self.options.neighbours
-        if self.options.weights == "paper":
-            return nearest_by_distance(cameras, camera, count=count)
-        closest = nearest_by_distance(cameras, camera, count=1)[0]
-        scene_depth_m = float(np.median(views[closest.index].plane_depths_m))
-        return nearest_by_overlap(cameras, camera, scene_depth_m, count=count)
+        return neighbours_of(
+            [view.camera for view in views], camera, self.options, mpi_of=views.__getitem__
+        )
 
     def _buffers_for(
         self, count: int, camera: Camera

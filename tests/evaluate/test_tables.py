@@ -133,7 +133,7 @@ def test_json_has_null_for_what_is_not_available() -> None:
     text = results_json(infinite)
     assert not re.search(r"NaN|Infinity", text)
     document = json.loads(text)
-    assert list(document) == ["config", "versions", "notes", "rows", "compare"]
+    assert list(document) == ["config", "versions", "notes", "costs", "rows", "compare"]
     assert document["versions"] == {"peaking": "0.1.0"}
     ours, uniform = document["rows"]
     assert ours["strategy"] == "peaking"

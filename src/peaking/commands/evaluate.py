@@ -87,6 +87,8 @@ class Evaluate:
         plan = self._plan()
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
         print(table_md(evaluation))
+        if evaluation.costs is not None:
+            print(evaluation.costs.line())
         print(f"report: {(self.out / 'report.html').resolve()}")
 
     def _plan(self) -> EvaluationPlan:

@@ -104,6 +104,8 @@ class CountStep:
     fingerprint: str
     options: Options
     threshold_share: float
+    mpis: Path | None = None
+    """Folder for MPIs that all workers share."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ class ChooseStep:
     seed: int
     uniform_metres_per_rad: float = 0.0
     """0 too where Uniform decides neither the views nor the test views."""
+    mpis: Path | None = None
+    """Folder for MPIs that all workers share."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,8 @@ class ScoreStep:
     """Where the views and the test views were taken; None: where they were recorded."""
     lpips: tuple[LpipsName, ...]
     lpips_folder: Path | None
+    mpis: Path | None = None
+    """Folder for MPIs that all workers share."""
 
 
 Step = CountStep | PlaceStep | ChooseStep | ScoreStep
@@ -153,7 +159,7 @@ Step = CountStep | PlaceStep | ChooseStep | ScoreStep
 def key_of(step: Step) -> str:
     """Return a name that changes with everything that a step's result depends on."""
     fields = {"step": type(step).__name__, "version": peaking.__version__, **asdict(step)}
-    for path in ("scene", "lpips_folder"):
+    for path in ("scene", "lpips_folder", "mpis"):
         fields.pop(path, None)
     text = json.dumps(fields, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
@@ -170,7 +176,12 @@ def fingerprint_of(recording: Recording) -> str:
 
 
 def choose_steps(
-    plan: EvaluationPlan, scene: Path, fingerprint: str, counts: Sequence[int]
+    plan: EvaluationPlan,
+    scene: Path,
+    fingerprint: str,
+    counts: Sequence[int],
+    *,
+    mpis: Path | None = None,
 ) -> list[ChooseStep]:
     """Return every choice that a scene needs; strategies without chance have one seed."""
     return [
@@ -185,6 +196,7 @@ def choose_steps(
             uniform_metres_per_rad=plan.uniform_metres_per_rad
             if strategy == "uniform" or test_views == "paper"
             else 0.0,
+            mpis=mpis,
         )
         for test_views in plan.test_views
         for count in counts
@@ -232,6 +244,7 @@ def score_step(
         poses=poses,
         lpips=lpips,
         lpips_folder=plan.lpips_folder,
+        mpis=chosen.mpis,
     )
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float32
 from peaking.evaluate.scene import Scene
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
+from peaking.timing import Stopwatch
 
 Method = Literal["mpi", "3dgs"]
 
@@ -36,25 +37,28 @@ class SplatPlan:
 
 def with_mpis(scene: Scene, views: Sequence[int]) -> Renderer:
     """Return what the K nearest of the chosen views show, as the photographer sees it."""
-    field = scene.light_field(views)
 
     def render(camera: Camera) -> Picture:
-        rgba = field.view_from(camera)[0].rgba
+        rgba = scene.shown_by(scene.neighbours(views, camera), camera).rgba
         return rgba[..., :3], rgba[..., 3]
 
     return render
 
 
-def with_gaussians(frames: Sequence[Frame], plan: SplatPlan, *, seed: int) -> Renderer:
+def with_gaussians(
+    frames: Sequence[Frame], plan: SplatPlan, *, seed: int, stopwatch: Stopwatch
+) -> Renderer:
     """Train 3D Gaussians on the chosen views and return what they show."""
     from peaking.splat.rasterise import render as rasterise
     from peaking.splat.train import SplatOptions, train
 
     options = SplatOptions(iterations=plan.iterations, seed=seed)
-    gaussians = train(frames, options, backend=plan.backend)
+    with stopwatch.stage("training"):
+        gaussians = train(frames, options, backend=plan.backend)
 
     def render(camera: Camera) -> Picture:
-        view = rasterise(gaussians, camera, backend=plan.backend)
+        with stopwatch.stage("rendering"):
+            view = rasterise(gaussians, camera, backend=plan.backend)
         return view.rgb.astype(np.float32), view.alpha.astype(np.float32)
 
     return render

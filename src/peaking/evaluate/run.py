@@ -5,15 +5,17 @@ from __future__ import annotations
 import base64
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import peaking
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import OutputError, RecordingError
+from peaking.evaluate.costs import added
 from peaking.evaluate.evaluation_report import write_report
 from peaking.evaluate.executors import Executor
 from peaking.evaluate.intervals import compare
@@ -41,6 +43,8 @@ from peaking.evaluate.tables import Evaluation, per_view_csv, results_json, tabl
 from peaking.output import write_atomically
 
 CACHE = "cache"
+MPIS = "mpis"
+"""In the cache, while an evaluation runs: the MPIs that its workers share."""
 PICTURES = "pictures"
 OUTPUTS = ("results.json", "views.csv", "table.md", "table.tex", "report.html")
 
@@ -65,6 +69,9 @@ class Runner:
     cache: StepCache
     executor: Executor
     progress: Progress = no_progress
+    peaks_mb: dict[str, float] = field(default_factory=dict)
+    """The most memory that each worker had, by its name."""
+    took: dict[Step, Mapping[str, Any]] = field(default_factory=dict)
 
     def run(self, steps: Sequence[Step], what: str) -> dict[Step, Found]:
         """Return what every step found."""
@@ -74,6 +81,8 @@ class Runner:
         for step, result in self.progress(self.executor.run(missing), len(missing), what):
             self.cache.keep(step, result)
             found[step] = result
+            self.peaks_mb[result["took"]["worker"]] = result["took"]["peak_mb"]
+        self.took.update({step: result["took"] for step, result in found.items()})
         return found
 
 
@@ -100,8 +109,8 @@ def evaluate(
     prints = {scene: _checked(plan, scene) for scene in plan.scenes}
     placements = _placements(plan, prints, runner)
     choices: list[ChooseStep] = []
-    for scene, counts in _counts(plan, prints, runner).items():
-        choices += choose_steps(plan, scene, prints[scene], counts)
+    for scene, counts in _counts(plan, prints, runner, out / CACHE / MPIS).items():
+        choices += choose_steps(plan, scene, prints[scene], counts, mpis=out / CACHE / MPIS)
     chosen = runner.run(choices, "choosing views")
     lpips = _lpips_at_hand(plan)
     scored_as: dict[Case, tuple[tuple[int, ...], ScoreStep]] = {}
@@ -124,8 +133,10 @@ def evaluate(
         results,
         compare(results, reference=plan.reference, rng=rng),
         notes=[f"{scene.resolve().name}: {p.words()}." for scene, p in placements.items()],
+        costs=added(runner.took.values(), runner.peaks_mb),
     )
     _write(evaluation, out)
+    shutil.rmtree(out / CACHE / MPIS, ignore_errors=True)
     return evaluation
 
 
@@ -160,7 +171,7 @@ def _checked(plan: EvaluationPlan, root: Path) -> str:
 
 
 def _counts(
-    plan: EvaluationPlan, prints: Mapping[Path, str], runner: Runner
+    plan: EvaluationPlan, prints: Mapping[Path, str], runner: Runner, mpis: Path
 ) -> dict[Path, tuple[int, ...]]:
     """Return for every scene how many views to choose."""
     if isinstance(plan.views, tuple):
@@ -168,7 +179,7 @@ def _counts(
     if plan.views is None:
         return {scene: budgets(num_candidates(open_recording(scene))) for scene in plan.scenes}
     steps = {
-        scene: CountStep(scene, prints[scene], plan.options, plan.threshold_share)
+        scene: CountStep(scene, prints[scene], plan.options, plan.threshold_share, mpis)
         for scene in plan.scenes
     }
     found = runner.run(list(steps.values()), "counting views")

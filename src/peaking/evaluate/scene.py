@@ -1,26 +1,38 @@
-"""A recording as strategies and reconstructions see it: small frames, MPIs that are made once."""
+"""A recording as strategies and reconstructions see it: small frames, and MPIs made once."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 
+import peaking
 from peaking.datasets.nerfstudio import Recording
+from peaking.evaluate.mpi_files import MpiFiles
 from peaking.frame import Frame
 from peaking.generate.by_name import generator_named
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
-from peaking.pipeline import LocalLightField
+from peaking.nearest import Neighbour
+from peaking.pipeline import LocalLightField, neighbours_of
 from peaking.presets import Options
+from peaking.render import Rendering
+from peaking.timing import Stopwatch
 
-MOST_MPIS = 160
-"""MPIs that are kept at once; at the paper's size they take 0.6 GB."""
+MOST_MPIS = 48
+"""MPIs that are in memory at once; at the paper's size they take 0.2 GB."""
 
 MOST_FRAMES = 400
 """Pictures that are kept at once; at the paper's size they take 0.23 GB."""
+
+MOST_SHARES = 100_000
+"""Peaked shares that are remembered, so that no walk looks again at what another saw."""
 
 UNKNOWN_DEPTH_M = 1.0
 """What counts as the depth of a scene that was recorded without."""
@@ -33,17 +45,37 @@ class Scene:
     """Frames at the working size, and their MPIs."""
 
     def __init__(
-        self, recording: Recording, options: Options, *, most_mpis: int = MOST_MPIS
+        self,
+        recording: Recording,
+        options: Options,
+        *,
+        most_mpis: int = MOST_MPIS,
+        shared: Path | None = None,
     ) -> None:
-        """Look at a recording with the method's options."""
+        """Look at a recording with the method's options.
+
+        Args:
+            recording: What to look at.
+            options: How.
+            most_mpis: So many are in memory at once.
+            shared: Folder for MPIs that other processes make or need too; none: those that are not
+                in memory are made again.
+        """
+        self.stopwatch = Stopwatch(time.process_time)
+        """Takes the processor time of reading, generating and rendering; not that of the rest."""
+        self.mpis_made = 0
+        self._smaller: dict[int, Scene] = {}
+        self._shared = shared
+        self._files = None if shared is None else MpiFiles(shared / _name_of(options))
         self.recording = recording
         self.options = options
         self._generator = generator_named(
             options.generator, num_planes=options.num_planes, learned=options.learned
         )
-        self._prepare = LocalLightField(options, generator=self._generator)
+        self._field = LocalLightField(options, generator=self._generator)
         self.frame = lru_cache(maxsize=MOST_FRAMES)(self._frame)
         self.mpi = lru_cache(maxsize=most_mpis)(self._mpi)
+        self.peaked_share = lru_cache(maxsize=MOST_SHARES)(self._peaked_share)
 
     def __len__(self) -> int:
         return len(self.recording)
@@ -73,15 +105,70 @@ class Scene:
                 measured.append(float(np.median(depth_m[depth_m > 0])))
         return float(np.median(measured)) if measured else UNKNOWN_DEPTH_M
 
-    def light_field(self, views: Sequence[int]) -> LocalLightField:
-        """Return the local light field of some views."""
-        field = LocalLightField(self.options, generator=self._generator)
-        field.views = [self.mpi(i) for i in views]
-        return field
+    def smaller(self, pixels: int, *, most_mpis: int) -> Scene:
+        """Return the scene with frames and MPIs of about so many pixels; the same one each time."""
+        if pixels not in self._smaller:
+            options = replace(self.options, pixels=pixels)
+            self._smaller[pixels] = Scene(
+                self.recording, options, most_mpis=most_mpis, shared=self._shared
+            )
+        return self._smaller[pixels]
+
+    def neighbours(self, views: Sequence[int], camera: Camera) -> tuple[Neighbour, ...]:
+        """Return which of some views a camera is shown by, with their numbers in the recording."""
+        found = neighbours_of(
+            [self.cameras[i] for i in views],
+            camera,
+            self.options,
+            mpi_of=lambda k: self.mpi(views[k]),
+        )
+        return tuple(replace(neighbour, index=views[neighbour.index]) for neighbour in found)
+
+    def shown_by(self, neighbours: Sequence[Neighbour], camera: Camera) -> Rendering:
+        """Render what views show together, as the photographer sees it."""
+        self._field.views = [self.mpi(neighbour.index) for neighbour in neighbours]
+        here = [replace(neighbour, index=k) for k, neighbour in enumerate(neighbours)]
+        with self.stopwatch.stage("rendering"):
+            return self._field.shown_by(here, camera)
+
+    def take_costs(self) -> tuple[dict[str, float], int]:
+        """Return milliseconds by stage, and how many MPIs were made, since the last time."""
+        stages_ms, made = self.stopwatch.take(), self.mpis_made
+        self.mpis_made = 0
+        for smaller in self._smaller.values():
+            its_ms, its_made = smaller.take_costs()
+            for stage, ms in its_ms.items():
+                stages_ms[stage] = stages_ms.get(stage, 0.0) + ms
+            made += its_made
+        return stages_ms, made
+
+    def _peaked_share(self, index: int, neighbours: tuple[Neighbour, ...]) -> float:
+        """Return how much of a frame is red where these views show it."""
+        frame = self.frame(index)
+        view = self.shown_by(neighbours, frame.camera)
+        return self._field.errors_of(view, frame.rgb).peaked_share
 
     def _frame(self, index: int) -> Frame:
         """Read a frame and make it small; its depth is left out, which would take the most room."""
-        return replace(self._prepare.prepare(self.recording.read(index)), depth_m=None)
+        with self.stopwatch.stage("reading"):
+            return replace(self._field.prepare(self.recording.read(index)), depth_m=None)
 
     def _mpi(self, index: int) -> Mpi:
-        return self._prepare.mpi_of(self.recording.read(index))
+        if self._files is None:
+            return self._made(index)
+        with self.stopwatch.stage("reading"):
+            kept = self._files.read(index)
+        return self._files.get(index, lambda: self._made(index)) if kept is None else kept
+
+    def _made(self, index: int) -> Mpi:
+        with self.stopwatch.stage("reading"):
+            frame = self.recording.read(index)
+        self.mpis_made += 1
+        with self.stopwatch.stage("generating"):
+            return self._field.mpi_of(frame)
+
+
+def _name_of(options: Options) -> str:
+    """Return a name that changes with everything that an MPI depends on."""
+    text = json.dumps({"version": peaking.__version__, **options.as_dict()}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

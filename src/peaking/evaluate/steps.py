@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 
 from peaking.datasets.nerfstudio import open_recording
 from peaking.errors import RecordingError
+from peaking.evaluate.costs import took
 from peaking.evaluate.placing import at_pose, place
 from peaking.evaluate.plan import ChooseStep, CountStep, PlaceStep, ScoreStep, Step
 from peaking.evaluate.reconstruct import shrunk, with_gaussians, with_mpis
@@ -26,7 +28,15 @@ from peaking.frame import Frame
 from peaking.presets import Options
 
 Found = dict[str, Any]
-"""What a step found, as it is written to the cache: plain JSON."""
+"""What a step found, as it is written to the cache: plain JSON. Its `took` is from `costs.took`."""
+
+REST: Mapping[type[Step], str] = {
+    PlaceStep: "placing",
+    CountStep: "choosing",
+    ChooseStep: "choosing",
+    ScoreStep: "scoring",
+}
+"""The kind of a step's seconds that are none of reading, generating, training, rendering."""
 
 
 def perform(step: Step) -> Found:
@@ -36,11 +46,23 @@ def perform(step: Step) -> Found:
         RecordingError: The recording cannot be used, or has too few frames.
         PeakingError: What was asked for is not installed.
     """
-    if isinstance(step, CountStep):
-        return _count(step)
+    start_s = time.process_time()
     if isinstance(step, PlaceStep):
-        return _place(step)
-    return _choose(step) if isinstance(step, ChooseStep) else _score(step)
+        found, stages_ms, made = _place(step), {}, 0
+    else:
+        scene = _opened(step.scene, step.fingerprint, step.options, step.mpis)
+        found = _done(scene, step)
+        stages_ms, made = scene.take_costs()
+    if isinstance(step, ChooseStep | CountStep):
+        stages_ms.pop("rendering", None)  # is a part of choosing
+    total_s = time.process_time() - start_s
+    return {**found, "took": took(REST[type(step)], total_s, stages_ms, made)}
+
+
+def _done(scene: Scene, step: CountStep | ChooseStep | ScoreStep) -> Found:
+    if isinstance(step, CountStep):
+        return _count(scene, step)
+    return _choose(scene, step) if isinstance(step, ChooseStep) else _score(scene, step)
 
 
 def usable_frames(scene: Scene) -> list[int]:
@@ -49,13 +71,12 @@ def usable_frames(scene: Scene) -> list[int]:
 
 
 @lru_cache(maxsize=1)
-def _opened(root: Path, fingerprint: str, options: Options) -> Scene:
+def _opened(root: Path, fingerprint: str, options: Options, mpis: Path | None) -> Scene:
     """Return the scene; a worker keeps the last one with its frames and MPIs."""
-    return Scene(open_recording(root), options)
+    return Scene(open_recording(root), options, shared=mpis and mpis / fingerprint)
 
 
-def _count(step: CountStep) -> Found:
-    scene = _opened(step.scene, step.fingerprint, step.options)
+def _count(scene: Scene, step: CountStep) -> Found:
     frames = split(scene, usable_frames(scene), "holdout", LEAST_VIEWS)
     most = len(frames.candidates)
     taken = walk(scene, frames.candidates, step.threshold_share, most=most)
@@ -70,8 +91,7 @@ def _place(step: PlaceStep) -> Found:
     }
 
 
-def _choose(step: ChooseStep) -> Found:
-    scene = _opened(step.scene, step.fingerprint, step.options)
+def _choose(scene: Scene, step: ChooseStep) -> Found:
     start_s = time.perf_counter()
     metres_per_rad = step.uniform_metres_per_rad
     usable = usable_frames(scene)
@@ -99,12 +119,12 @@ def _choose(step: ChooseStep) -> Found:
     }
 
 
-def _score(step: ScoreStep) -> Found:
-    scene = _opened(step.scene, step.fingerprint, step.options)
+def _score(scene: Scene, step: ScoreStep) -> Found:
     start_s = time.perf_counter()
     if step.splat is not None:
-        training, tested = _frames_of_gaussians(scene, step, step.splat.pixels)
-        render = with_gaussians(training, step.splat, seed=step.seed)
+        with scene.stopwatch.stage("reading"):
+            training, tested = _frames_of_gaussians(scene, step, step.splat.pixels)
+        render = with_gaussians(training, step.splat, seed=step.seed, stopwatch=scene.stopwatch)
     else:
         render = with_mpis(scene, step.views)
         tested = [(i, scene.frame(i)) for i in step.test]

@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
+from peaking.evaluate.costs import Costs
 from peaking.evaluate.results import CaseResult, Difference, ViewScore
 from peaking.output import plain
 
@@ -50,6 +51,7 @@ class Evaluation:
         results: One per data set, in any order.
         comparisons: From `intervals.compare` with the same reference.
         notes: What is to be known beside the figures; sentences.
+        costs: What all steps took; None where nobody knows.
     """
 
     config: Mapping[str, object]
@@ -58,6 +60,7 @@ class Evaluation:
     results: Sequence[CaseResult]
     comparisons: Sequence[Difference]
     notes: Sequence[str] = ()
+    costs: Costs | None = None
 
 
 @dataclass(frozen=True)
@@ -186,6 +189,7 @@ def results_json(evaluation: Evaluation) -> str:
         "config": plain(evaluation.config),
         "versions": plain(evaluation.versions),
         "notes": list(evaluation.notes),
+        "costs": None if evaluation.costs is None else evaluation.costs.as_dict(),
         "rows": [finite_row(result) for result in sorted(evaluation.results, key=lambda r: r.case)],
         "compare": [asdict(difference) for difference in evaluation.comparisons],
     }

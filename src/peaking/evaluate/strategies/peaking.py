@@ -12,7 +12,6 @@ length of the path nor a threshold has to be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -57,6 +56,7 @@ def peaking(
             keeper.let_go()
     while len(keeper.held) > count:
         keeper.let_go()
+    keeper.forget()
     return sorted(keeper.held)
 
 
@@ -74,10 +74,8 @@ class Keeper:
             *scene.recording.cameras[0].pinhole.size_px, pixels=options.pixels
         )
         pixels = max(256, size_px[0] * size_px[1] // SMALLER)
-        # So many times more of the small MPIs are kept: all of them, as a rule.
-        self._small = Scene(
-            scene.recording, replace(options, pixels=pixels), most_mpis=SMALLER * MOST_MPIS
-        )
+        # So many times more of the small MPIs are in memory: all of them, as a rule.
+        self._small = scene.smaller(pixels, most_mpis=SMALLER * MOST_MPIS)
         self._rendered = lru_cache(maxsize=MOST_RENDERINGS)(self._render)
         self._cost_m: dict[int, Float[np.ndarray, "n"]] = {}
         self._known: dict[tuple[object, ...], float] = {}
@@ -109,6 +107,10 @@ class Keeper:
         del self._missed[least]
         self._look_again(list(self._shows[least]), also=set())
         del self._shows[least]
+
+    def forget(self) -> None:
+        """Give up the renderings that are kept; they take the most room."""
+        self._rendered.cache_clear()
 
     def _look_again(self, frames: Sequence[int], *, also: set[int]) -> None:
         """Update the errors of frames, and how much the views that show them would be missed."""

@@ -56,16 +56,13 @@ def walk(scene: Scene, candidates: Sequence[int], threshold_share: float, *, mos
 
     Stops when `most` views are taken.
     """
-    field = scene.light_field([])
     views: list[int] = []
     shares: list[float] = []
     for i in candidates:
         share = 1.0
         if views:
-            frame = scene.frame(i)
-            share = field.see(frame.rgb, frame.camera).errors.peaked_share
+            share = scene.peaked_share(i, scene.neighbours(views, scene.cameras[i]))
         if share > threshold_share:
-            field.views.append(scene.mpi(i))
             views.append(i)
             shares.append(share)
             if len(views) >= most:
