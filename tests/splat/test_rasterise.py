@@ -56,6 +56,22 @@ def test_the_nearer_one_covers_the_farther(backend: Backend) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_what_would_make_a_pixel_opaque_is_left_out_with_all_behind_it(backend: Backend) -> None:
+    """Of 1, 0.01 is left; the second would leave 5e-5, less than 1e-4. The third is too late."""
+    rows = [one(depth_m=1.0, opacity=0.99), one(depth_m=2.0, opacity=0.995)]
+    rows += [one(depth_m=3.0, opacity=0.5)]
+    camera = Camera(Pinhole(41, 41, 100.0, 100.0, 20.5, 20.5), Rigid.identity())
+    view = render(gaussians(np.concatenate(rows)), camera, backend=backend)
+    assert view.alpha[20, 20] == pytest.approx(0.99, abs=1e-6)
+    assert view.depth_m[20, 20] == pytest.approx(1.0, abs=1e-5)
+    # Farther from the middle nothing is too much, and all three are seen.
+    alphas = [o * np.exp(-0.5 * 8**2 / (100 / z**2 + 0.3)) for o, z in ((0.99, 1), (0.995, 2))]
+    alphas.append(0.5 * np.exp(-0.5 * 8**2 / (100 / 9 + 0.3)))
+    left = np.prod([1 - alpha for alpha in alphas])
+    assert view.alpha[20, 28] == pytest.approx(1 - left, abs=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_nothing_to_see(backend: Backend) -> None:
     behind = one(depth_m=-2.0)
     view = render(gaussians(behind), HERE, backend=backend)
@@ -129,6 +145,27 @@ def test_gradients_are_those_of_the_definition(sh_degree: int) -> None:
             numeric[i] = (loss(up) - loss(down)) / (2 * step)
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(gradients[:4, column], numeric, atol=AGREES * scale, rtol=0)
+
+
+def test_what_was_left_out_has_no_gradient() -> None:
+    """Of the middle pixel, whose second Gaussian of three would make it opaque."""
+    rows = np.concatenate(
+        [one(depth_m=1.0, opacity=0.99), one(depth_m=2.0, opacity=0.995), one(depth_m=3.0)]
+    )
+    camera = Camera(Pinhole(41, 41, 100.0, 100.0, 20.5, 20.5), Rigid.identity())
+    by_rgb = np.zeros((41, 41, 3))
+    by_rgb[20, 20, 0] = 1.0
+    gradients = Tape(rows, camera, CutOffs()).gradients(by_rgb, np.zeros((3, 2)))
+    assert not gradients[1:].any()
+    step = 1e-5
+    for column in range(rows.shape[1]):
+        ends: list[float] = []
+        for sign in (1, -1):
+            moved = rows.copy()
+            moved[0, column] += sign * step
+            ends.append(float((_numpy.render(moved, camera, CutOffs()).rgb * by_rgb).sum()))
+        numeric = (ends[0] - ends[1]) / (2 * step)
+        assert gradients[0, column] == pytest.approx(numeric, abs=AGREES)
 
 
 def test_degenerate_gaussians_do_no_harm() -> None:

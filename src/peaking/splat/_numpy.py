@@ -17,6 +17,7 @@ def render(parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_off
     pixels = k.pixel_centers()
     rgb, depth_sum = np.zeros((*pixels.shape[:2], 3)), np.zeros(pixels.shape[:2])
     left = np.ones(pixels.shape[:2])
+    done = np.zeros(pixels.shape[:2], dtype=bool)
     for i in np.argsort(means[:, 2], kind="stable"):
         x, y, z = means[i]
         if z < cut_offs.near_m:
@@ -27,7 +28,9 @@ def render(parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_off
         power = -0.5 * np.einsum("hwi,ij,hwj->hw", away, np.linalg.inv(covariance), away)
         opacity = 1 / (1 + np.exp(-parameters[i, 10]))
         alpha = np.minimum(cut_offs.alpha_max, opacity * np.exp(power))
-        alpha[(alpha < cut_offs.alpha_min) | (left < cut_offs.opaque)] = 0.0
+        alpha[alpha < cut_offs.alpha_min] = 0.0
+        done |= left * (1 - alpha) < cut_offs.opaque
+        alpha[done] = 0.0
         weight = alpha * left
         rgb += weight[..., None] * _colour(parameters[i], camera.position_m)
         depth_sum += weight * z

@@ -84,7 +84,8 @@ def _reaches(a, b, c, dx, dy, lowest):
 def composite(tile_order, tile_starts, entries, splats, background, limits, picture, left, last):
     """Fill `picture` (r, g, b, depth × weight), transmittance and one past the last entry.
 
-    `limits`: smallest and largest alpha, and the transmittance below which a pixel is done.
+    `limits`: smallest and largest alpha, and the transmittance that no pixel falls below: what
+    would take it there is left out, and so is all behind.
     """
     height, width = left.shape
     columns = (width + TILE_WIDTH_PX - 1) // TILE_WIDTH_PX
@@ -96,17 +97,19 @@ def composite(tile_order, tile_starts, entries, splats, background, limits, pict
         y0 = (t // columns) * TILE_HEIGHT_PX
         x0 = (t % columns) * TILE_WIDTH_PX
         x_half = np.float32(x0) + half
-        state = np.zeros((TILE_HEIGHT_PX, 6, W), splats.dtype)
+        # Rows of: through (0 where the pixel is done), colour, depth, end, left over in the end.
+        state = np.zeros((TILE_HEIGHT_PX, 7, W), splats.dtype)
         for j in range(TILE_HEIGHT_PX):
             for i in range(W):
                 state[j, 0, i] = 1
+                state[j, 6, i] = 1
         for k in range(tile_starts[t], tile_starts[t + 1]):
             if (k - tile_starts[t]) % 32 == 31:
                 most = zero
                 for j in range(TILE_HEIGHT_PX):
                     for i in range(W):
                         most = max(most, state[j, 0, i])
-                if most < opaque:
+                if most <= zero:
                     break
             s = splats[entries[k]]
             u = s[0] - x_half
@@ -128,17 +131,20 @@ def composite(tile_order, tile_starts, entries, splats, background, limits, pict
                     dx = u - np.float32(i)
                     alpha = min(alpha_max, opacity * _exp(a * dx * dx + by * dx + cy))
                     t0 = state[j, 0, i]
-                    alpha = alpha if (alpha >= alpha_min and t0 >= opaque) else zero
+                    alpha = alpha if alpha >= alpha_min else zero
+                    done = t0 - alpha * t0 < opaque
+                    alpha = zero if done else alpha
                     w = alpha * t0
                     state[j, 1, i] += w * red
                     state[j, 2, i] += w * green
                     state[j, 3, i] += w * blue
                     state[j, 4, i] += w * depth
-                    state[j, 0, i] = t0 - w
+                    state[j, 6, i] -= w
+                    state[j, 0, i] = zero if done else t0 - w
                     state[j, 5, i] = end if alpha > zero else state[j, 5, i]
         for j in range(min(TILE_HEIGHT_PX, height - y0)):
             for i in range(min(TILE_WIDTH_PX, width - x0)):
-                t0 = state[j, 0, i]
+                t0 = state[j, 6, i]
                 for c in range(3):
                     picture[y0 + j, x0 + i, c] = state[j, c + 1, i] + t0 * background[c]
                 picture[y0 + j, x0 + i, 3] = state[j, 4, i]

@@ -25,7 +25,8 @@ class CutOffs:
         near_m: Gaussians with a centre nearer than this along +z are not drawn.
         alpha_min: A Gaussian adds nothing where its alpha is smaller.
         alpha_max: No alpha is greater, so that something always shines through.
-        opaque: Where less than this shines through, nothing behind is added.
+        opaque: A Gaussian that would let less than this shine through is left out, and so is all
+            behind it, as in Kerbl et al. and gsplat.
     """
 
     near_m: float = 0.05
