@@ -3,7 +3,6 @@ import dataclasses
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
@@ -13,6 +12,7 @@ from evaluate_factories import case, result, score
 from hypothesis import given
 from hypothesis import strategies as st
 
+from html_pages import Page
 from peaking.evaluate.curves import curve_points, interval_chart, quality_chart, signed, verdict
 from peaking.evaluate.evaluation_report import PAGE_BYTES, write_report
 from peaking.evaluate.intervals import compare
@@ -20,34 +20,6 @@ from peaking.evaluate.results import CaseResult, Difference
 from peaking.evaluate.tables import Evaluation
 from peaking.evaluate.verdicts import sentence
 from peaking.output import encode_jpeg
-
-VOID = {"meta", "img", "br", "link", "input"}
-
-
-class Page(HTMLParser):
-    """Reads a page and refuses one whose elements are not closed in order."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self._open: list[str] = []
-        self.feed(text)
-        assert not self._open
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self._open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
 
 
 def difference(
@@ -226,7 +198,7 @@ def test_the_page_says_it_shows_it_and_names_its_configuration(tmp_path: Path) -
     assert "Ours (peaking)" in words
     assert "options.planes" in words
     assert "peaking 9.8.7" in words
-    images = [attributes for tag, attributes in page.tags if tag == "img"]
+    images = page.named("img")
     # View 0 of the reference, and of each of the others.
     assert len(images) == 3
     kinds = [a["class"] or "" for tag, a in page.tags if tag == "svg"]

@@ -2,7 +2,6 @@ import base64
 import json
 import math
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
@@ -13,6 +12,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from replay_factories import FRAMES, panels, path_record, plain, settings, walk
 
+from html_pages import Page
 from peaking.replay.charts import index_ticks, nice_at_least, percent, share_chart
 from peaking.replay.path_map import map_view, path_map, words_of_length
 from peaking.replay.records import FrameRecord, summarize
@@ -20,36 +20,6 @@ from peaking.replay.report import write_report
 from peaking.replay.stills import Still, StillPicker, encode_stills
 
 MOST_BYTES = 3_000_000
-VOID = {"meta", "img", "br", "link", "input"}
-
-
-class Page(HTMLParser):
-    """Reads a page and refuses one whose elements are not closed in order."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self._open: list[str] = []
-        self.feed(text)
-        assert not self._open
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self._open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
-
-    def named(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
 
 
 def still(index: int, kind: str = "worst", size_px: tuple[int, int] = (40, 30)) -> Still:

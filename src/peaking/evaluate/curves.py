@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from peaking.evaluate.results import CaseResult, Difference
-from peaking.evaluate.tables import finite_row
 from peaking.replay.charts import nice_at_least
 
 CURVE_METRICS = {
@@ -54,7 +53,7 @@ def curve_points(results: Sequence[CaseResult], metric: str) -> dict[str, list[t
     """
     seeds: dict[str, dict[int, list[float]]] = {}
     for result in results:
-        value = finite_row(result)[metric]
+        value = result.row()[metric]
         if isinstance(value, float):
             case = result.case
             seeds.setdefault(case.strategy, {}).setdefault(case.n_views, []).append(value)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 LOWEST_PERCENT = 5.0
 """The percentile of PSNR that stands for the worst views."""
@@ -79,9 +80,9 @@ class CaseResult:
     lost: int = 0
 
     def row(self) -> dict[str, str | int | float | None]:
-        """Return the row of `results.json`."""
-        psnr = np.array([score.psnr for score in self.scores])
-        ssim = np.array([score.ssim for score in self.scores])
+        """Return the row of `results.json`: None where a number is not known, or not finite."""
+        psnr = [score.psnr for score in self.scores]
+        ssim = [score.ssim for score in self.scores]
         c = self.case
         return {
             "scene": c.scene,
@@ -91,11 +92,11 @@ class CaseResult:
             "seed": c.seed,
             "n_views": c.n_views,
             "n_lost": self.lost,
-            "psnr_mean": float(psnr.mean()),
-            "psnr_std": float(psnr.std()),
-            "psnr_p5": float(np.percentile(psnr, LOWEST_PERCENT)),
-            "ssim_mean": float(ssim.mean()),
-            "ssim_std": float(ssim.std()),
+            "psnr_mean": _mean(psnr),
+            "psnr_std": _std(psnr),
+            "psnr_p5": _lowest(psnr),
+            "ssim_mean": _mean(ssim),
+            "ssim_std": _std(ssim),
             "lpips_mean": _mean([score.lpips for score in self.scores]),
             "lpips_std": _std([score.lpips for score in self.scores]),
             "st_lpips_mean": _mean([score.st_lpips for score in self.scores]),
@@ -139,12 +140,21 @@ class Difference:
 
 def _mean(values: Sequence[float | None], *, some: bool = False) -> float | None:
     """Return the mean; None when a value is missing (with `some`: when all are)."""
-    known = [value for value in values if value is not None]
-    if not known or (len(known) < len(values) and not some):
-        return None
-    return float(np.mean(known))
+    known = _known([value for value in values if value is not None] if some else values)
+    return None if known is None else float(np.mean(known))
 
 
 def _std(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.std(known)) if known and len(known) == len(values) else None
+    known = _known(values)
+    return None if known is None else float(np.std(known))
+
+
+def _lowest(values: Sequence[float | None]) -> float | None:
+    known = _known(values)
+    return None if known is None else float(np.percentile(known, LOWEST_PERCENT))
+
+
+def _known(values: Sequence[float | None]) -> Float64[np.ndarray, "n"] | None:
+    """Return the values; None when there is none, or one is missing or infinite."""
+    known = np.array(values, dtype=np.float64)  # None becomes NaN
+    return known if len(known) and np.isfinite(known).all() else None

@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 
@@ -190,7 +189,7 @@ def results_json(evaluation: Evaluation) -> str:
         "versions": plain(evaluation.versions),
         "notes": list(evaluation.notes),
         "costs": None if evaluation.costs is None else evaluation.costs.as_dict(),
-        "rows": [finite_row(result) for result in sorted(evaluation.results, key=lambda r: r.case)],
+        "rows": [result.row() for result in sorted(evaluation.results, key=lambda r: r.case)],
         "compare": [asdict(difference) for difference in evaluation.comparisons],
     }
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -199,16 +198,6 @@ def results_json(evaluation: Evaluation) -> str:
 def column_heads(table: Table) -> list[str]:
     """Return the names of the columns with an arrow to the better side."""
     return [f"{LABELS[c]} {'↓' if c in LESS_IS_BETTER else '↑'}" for c in table.columns]
-
-
-def finite_row(result: CaseResult) -> dict[str, str | int | float | None]:
-    """Return the row of a data set, None where a number is infinite or not one."""
-    with np.errstate(invalid="ignore"):  # the PSNR of equal pictures is infinite
-        row = result.row()
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row.items()
-    }
 
 
 def row_name(evaluation: Evaluation, strategy: str) -> str:
@@ -281,7 +270,7 @@ def _data_sets(
 
 
 def _cells(result: CaseResult) -> dict[str, Cell]:
-    row = finite_row(result)
+    row = result.row()
     return {
         metric: Cell(_number(row["psnr_p5"]))
         if metric == "psnr_p5"
