@@ -187,7 +187,9 @@ def test_tables_keep_every_digit_and_the_codebook_knows_every_column() -> None:
     book = {row["name"] for row in read(codebook_csv([measure("tct_s")], ("llff", "peaking")))}
     for column in wide[0]:
         assert column in book or column.partition("__")[0] in book, column
-    (chosen, *_) = [r for r in read(results_csv(analyse(two, made))) if r["chosen"] == "chosen"]
+    tests = read(results_csv(analyse(two, made)))
+    assert set(tests[0]) <= book
+    (chosen, *_) = [row for row in tests if row["chosen"] == "chosen"]
     outcome = result(analyse(two, made).measures[0])
     assert float(chosen["p"]) == outcome.p
     assert (chosen["first"], chosen["second"]) == ("llff", "peaking")
