@@ -30,8 +30,10 @@ def psnr(
         ValueError: The sizes differ or the mask is empty.
     """
     counted = _checked_mask(image, reference, mask)
-    difference = image[counted].astype(np.float64) - reference[counted].astype(np.float64)
-    mean_square = float(np.mean(difference**2))
+    whole = mask is None  # needs no copies of what counts
+    shown, photographed = (p if whole else p[counted] for p in (image, reference))
+    difference = np.subtract(shown, photographed, dtype=np.float64).ravel()
+    mean_square = float(difference @ difference) / difference.size
     return -10.0 * float(np.log10(mean_square)) if mean_square > 0 else float("inf")
 
 
