@@ -284,8 +284,8 @@ def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
         small = field.prepare(recording.read(index))
         estimator.tell(small.rgb, Room().photographed(small.camera)[1])
 
-    def simulated(model: str, *, device: str) -> Simulated:
-        assert (model, device) == ("simulated", "auto")
+    def simulated(model: str, *, device: str, runtime: str) -> Simulated:
+        assert (model, device, runtime) == ("simulated", "auto", "pytorch")
         return estimator
 
     monkeypatch.setattr(pipeline, "estimator_named", simulated)

@@ -108,7 +108,9 @@ class LocalLightField:
         self._captured: list[Captured] = []
         self._estimator = estimator
         if estimator is None and options.depth_model is not None:
-            self._estimator = estimator_named(options.depth_model, device=options.device)
+            self._estimator = estimator_named(
+                options.depth_model, device=options.device, runtime=options.depth_runtime
+            )
         self._generate = generator or generator_named(
             options.generator, num_planes=options.num_planes, learned=options.learned
         )

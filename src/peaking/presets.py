@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from peaking.align import Method
+from peaking.depth.estimator import DepthRuntime
 from peaking.frame import PAPER_PIXELS
 from peaking.generate.by_name import Device, GeneratorName, Learned, Precision
 from peaking.render.blend import Opacity
@@ -46,6 +47,8 @@ class Options:
     """Compare after equalising the exposure of the live picture and the view."""
     depth_model: str | None = None
     """Estimates the depth of frames without it: a folder, or a name of the Hugging Face hub."""
+    depth_runtime: DepthRuntime = "pytorch"
+    """What runs the depth model; OpenVINO is for processors."""
     checkpoint: Path | None = None
     """The generator's weights; None looks in the folder of weights."""
     device: Device = "auto"

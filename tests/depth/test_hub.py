@@ -3,54 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
-from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation, Dinov2Config
 
+from depth_models import write_model
 from peaking.depth.estimator import DepthEstimator, estimator_named
 from peaking.depth.hub import Preparation
 from peaking.errors import WeightsError
 from peaking.weights import KNOWN, KnownWeights, depth_model_folder, state_of, weights_folder
 
 GREY = (0.5, 0.5, 0.5)
-
-PREPROCESSOR = {
-    "size": {"height": 70, "width": 70},
-    "keep_aspect_ratio": True,
-    "ensure_multiple_of": 14,
-    "image_mean": [0.485, 0.456, 0.406],
-    "image_std": [0.229, 0.224, 0.225],
-}
-
-
-def write_model(folder: Path, *, kind: str = "relative") -> Path:
-    """Write a Depth Anything V2 with drawn weights, of a thousandth of the size."""
-    backbone = Dinov2Config(
-        hidden_size=16,
-        num_hidden_layers=4,
-        num_attention_heads=2,
-        image_size=70,
-        patch_size=14,
-        out_features=["stage1", "stage2", "stage3", "stage4"],
-        reshape_hidden_states=False,
-    )
-    config = DepthAnythingConfig(
-        backbone_config=backbone,
-        reassemble_hidden_size=16,
-        neck_hidden_sizes=[4, 4, 8, 8],
-        fusion_hidden_size=8,
-        depth_estimation_type=kind,
-        max_depth=20 if kind == "metric" else 1,
-    )
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(1)
-        DepthAnythingForDepthEstimation(config).save_pretrained(folder)
-    (folder / "preprocessor_config.json").write_text(json.dumps(PREPROCESSOR))
-    return folder
 
 
 @pytest.fixture(scope="module")

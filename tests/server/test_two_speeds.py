@@ -149,8 +149,8 @@ class WallWithBox:
 
 @pytest.fixture
 def estimating(monkeypatch: pytest.MonkeyPatch) -> Options:
-    def wall_with_box(model: str, *, device: str) -> WallWithBox:
-        del model, device
+    def wall_with_box(model: str, *, device: str, runtime: str) -> WallWithBox:
+        assert (model, device, runtime) == ("wall-with-box", "auto", "pytorch")
         return WallWithBox()
 
     monkeypatch.setattr(generation, "estimator_named", wall_with_box)

@@ -40,6 +40,8 @@ class MethodFlags:
     """File with the generator's weights; without, the folder that `peaking weights` names."""
     depth_model: str | None = None
     """Estimates depth where a frame has none: a folder, or a name of the Hugging Face hub."""
+    depth_runtime: Literal["pytorch", "openvino", "openvino-bf16"] | None = None
+    """What runs the depth model: `openvino` is faster on processors, and an extra."""
     device: Literal["auto", "cpu", "cuda"] | None = None
     """Where networks run (auto: CUDA where there is one)."""
     precision: Literal["float32", "bfloat16", "float16"] | None = None

@@ -11,6 +11,8 @@ from peaking.errors import BackendUnavailable
 from peaking.weights import depth_model_folder
 
 Device = Literal["auto", "cpu", "cuda"]
+DepthRuntime = Literal["pytorch", "openvino", "openvino-bf16"]
+"""What runs the model; OpenVINO is for processors."""
 
 
 @runtime_checkable
@@ -32,15 +34,18 @@ class DepthEstimator(Protocol):
         ...
 
 
-def estimator_named(model: str, *, device: Device = "auto") -> DepthEstimator:
+def estimator_named(
+    model: str, *, device: Device = "auto", runtime: DepthRuntime = "pytorch"
+) -> DepthEstimator:
     """Return an estimator, ready for use; nothing is downloaded.
 
     Args:
         model: A folder, or a name of the Hugging Face hub whose files are here.
         device: Where it runs.
+        runtime: What runs it.
 
     Raises:
-        BackendUnavailable: PyTorch, transformers or CUDA is missing.
+        BackendUnavailable: PyTorch, transformers, OpenVINO or CUDA is missing.
         WeightsError: The model is not here, or its files cannot be used.
     """
     folder = depth_model_folder(model)
@@ -51,4 +56,4 @@ def estimator_named(model: str, *, device: Device = "auto") -> DepthEstimator:
             f"estimating depth needs PyTorch and transformers ({error}); "
             "pip install 'peaking[torch]'"
         ) from error
-    return HubDepth.load(folder, device=device)
+    return HubDepth.load(folder, device=device, runtime=runtime)

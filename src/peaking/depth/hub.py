@@ -7,6 +7,7 @@ the files is run. Pictures are prepared here, as the model's preprocessor_config
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,13 +18,17 @@ import torch
 from jaxtyping import Float32, UInt8
 from transformers import AutoConfig, AutoModelForDepthEstimation
 
-from peaking.depth.estimator import Device
+from peaking.depth.estimator import DepthRuntime, Device
 from peaking.errors import BackendUnavailable, WeightsError
+from peaking.weights import weights_folder
 
 METRIC_KINDS = ("zoedepth", "glpn")
 """Architectures that give metres always; of others the configuration says it."""
 
 FARTHEST_M = 1e3
+
+Run = Callable[[Float32[np.ndarray, "1 3 h w"]], Float32[np.ndarray, "h2 w2"]]
+"""From a prepared picture to what the model says of it."""
 
 
 @dataclass(frozen=True)
@@ -95,36 +100,60 @@ def _three(numbers: Any) -> tuple[float, float, float]:
     return red, green, blue
 
 
-class HubDepth:
-    """A depth model of the Hugging Face hub, on one device."""
+class OnPyTorch:
+    """A depth model on one device, as PyTorch runs it."""
 
-    def __init__(
-        self, model: torch.nn.Module, preparation: Preparation, *, name: str, metric: bool
-    ) -> None:
-        """Take a model that is on its device already."""
-        self.name = name
-        self.metric = metric
-        self._model = model
-        self._prepare = preparation
-
-    @staticmethod
-    def load(folder: Path, *, device: Device = "auto") -> HubDepth:
-        """Read a model from a folder.
+    def __init__(self, model: torch.nn.Module, device: Device) -> None:
+        """Put a model on a device.
 
         Raises:
-            WeightsError: Its files cannot be used.
             BackendUnavailable: CUDA was asked for and is not there.
         """
         if device == "cuda" and not torch.cuda.is_available():
             raise BackendUnavailable("PyTorch finds no CUDA here; use --device cpu")
         if device == "auto":
             device = "cuda" if torch.cuda.is_available() else "cpu"
+        placed: Any = model.to(device)
+        self._model = placed.to(memory_format=torch.channels_last)  # faster on processors
+        self._device = device
+
+    def __call__(self, shown: Float32[np.ndarray, "1 3 h w"]) -> Float32[np.ndarray, "h2 w2"]:
+        """Return what the model says of a prepared picture."""
+        with torch.inference_mode():
+            there = torch.from_numpy(shown).to(self._device, memory_format=torch.channels_last)
+            return self._model(there).predicted_depth[0].float().cpu().numpy()
+
+
+class HubDepth:
+    """A depth model of the Hugging Face hub."""
+
+    def __init__(self, run: Run, preparation: Preparation, *, name: str, metric: bool) -> None:
+        """Take a model that is ready to run."""
+        self.name = name
+        self.metric = metric
+        self._run = run
+        self._prepare = preparation
+
+    @staticmethod
+    def load(
+        folder: Path, *, device: Device = "auto", runtime: DepthRuntime = "pytorch"
+    ) -> HubDepth:
+        """Read a model from a folder.
+
+        Raises:
+            WeightsError: Its files cannot be used.
+            BackendUnavailable: CUDA or OpenVINO was asked for and is not there.
+        """
+        if runtime != "pytorch" and device == "cuda":
+            raise BackendUnavailable(
+                "OpenVINO runs on the processor; leave out --device cuda or --depth-runtime"
+            )
         preparation = Preparation.read(folder / "preprocessor_config.json")
         try:
             config = AutoConfig.from_pretrained(folder, local_files_only=True)
             model = AutoModelForDepthEstimation.from_pretrained(
                 folder, local_files_only=True, use_safetensors=True
-            )
+            ).eval()
         except Exception as error:  # damaged files raise anything
             first = str(error).strip().splitlines()[0][:200] if str(error) else repr(error)
             raise WeightsError(
@@ -135,16 +164,19 @@ class HubDepth:
             getattr(config, "depth_estimation_type", "relative") == "metric"
             or config.model_type in METRIC_KINDS
         )
-        model = model.to(device).eval()
-        return HubDepth(model, preparation, name=folder.name, metric=metric)
+        if runtime == "pytorch":
+            run: Run = OnPyTorch(model, device)
+        else:
+            from peaking.depth.on_openvino import OnOpenVino
+
+            precision = "bf16" if runtime == "openvino-bf16" else "f32"
+            run = OnOpenVino(model, folder, weights_folder() / "openvino", precision)
+        return HubDepth(run, preparation, name=folder.name, metric=metric)
 
     def __call__(self, rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:
         """Return disparity at every pixel, large where near."""
         height, width = rgb.shape[:2]
-        device = next(self._model.parameters()).device
-        with torch.inference_mode():
-            shown = torch.from_numpy(self._prepare(rgb)).to(device)
-            said = self._model(shown).predicted_depth[0].float().cpu().numpy()
+        said = self._run(self._prepare(rgb))
         if self.metric:
             said = 1.0 / np.clip(said, 1.0 / FARTHEST_M, FARTHEST_M)
         return cv2.resize(said, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)

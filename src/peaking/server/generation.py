@@ -69,7 +69,9 @@ class GenerationQueue:
         self._fast = replace(options, generator=FAST)
         self._estimator = None
         if options.depth_model is not None:
-            self._estimator = estimator_named(options.depth_model, device=options.device)
+            self._estimator = estimator_named(
+                options.depth_model, device=options.device, runtime=options.depth_runtime
+            )
         self._threads = [
             threading.Thread(target=self._work, name=f"mpi-{number}", daemon=True)
             for number in range(workers)
