@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -23,12 +22,12 @@ import numpy as np
 from jaxtyping import Float32
 
 from peaking.errors import BackendUnavailable, ToolMissing
+from peaking.weights import weights_folder
 
 LpipsName = Literal["lpips-alex", "lpips-vgg", "st-lpips-alex"]
 Distance = Callable[[np.ndarray, np.ndarray], float]
 """From (image, reference), float32 (h, w, 3) of encoded sRGB values in 0…1; less is better."""
 
-WEIGHTS_DIR_VARIABLE = "PEAKING_WEIGHTS_DIR"
 DIGITS = 8
 """So many hex digits of the SHA-256 say which file it is, as in torchvision's file names."""
 
@@ -161,9 +160,9 @@ def available(name: LpipsName, *, folder: Path | None = None) -> bool:
 def open_lpips(name: LpipsName, *, folder: Path | None = None) -> Distance:
     """Return the metric as a function of (image, reference).
 
-    The backbone's file is looked for in `folder`, in the folder that $PEAKING_WEIGHTS_DIR names and
-    in torch.hub's checkpoints, in this order. The function raises ValueError for pictures of two
-    sizes or below 32×32 px.
+    The backbone's file is looked for in `folder`, in `weights_folder()` and in torch.hub's
+    checkpoints, in this order. The function raises ValueError for pictures of two sizes or below
+    32×32 px.
 
     Raises:
         BackendUnavailable: PyTorch is not installed.
@@ -280,15 +279,14 @@ def _heads_file(metric: _Metric) -> Path:
 
 def _backbone_file(backbone: str, folder: Path | None) -> Path:
     """Return torchvision's file in the first folder that has it."""
-    named = os.environ.get(WEIGHTS_DIR_VARIABLE)
     hub = Path(_torch().hub.get_dir()) / "checkpoints"
-    folders = [*([folder] if folder else []), *([Path(named)] if named else []), hub]
+    folders = [*([folder] if folder else []), weights_folder(), hub]
     for place in folders:
         if (place / backbone).is_file():
             return place / backbone
     raise ToolMissing(
         f"needs torchvision's file {backbone}, which is not in {', '.join(map(str, folders))}; "
-        f"put it into one of them, or set {WEIGHTS_DIR_VARIABLE} to its folder"
+        "put it into one of them, or set PEAKING_WEIGHTS to its folder"
     )
 
 
