@@ -11,8 +11,8 @@ class Weights:
     """List the learned weights that peaking can use: where they go, licences, soundness.
 
     Nothing is downloaded. Files are compared with the hash that their authors published, as far as
-    it is known here or the Hugging Face hub noted it beside the file. Weights of the metrics
-    lpips-alex and lpips-vgg lie elsewhere: docs/perceptual-metrics.md.
+    it is known here or the Hugging Face hub noted it beside the file. Those of the metrics
+    lpips-alex and lpips-vgg go into the same folder: docs/perceptual-metrics.md.
 
     Examples:
       peaking weights
