@@ -109,8 +109,9 @@ def evaluate(
     prints = {scene: _checked(plan, scene) for scene in plan.scenes}
     placements = _placements(plan, prints, runner)
     choices: list[ChooseStep] = []
-    for scene, counts in _counts(plan, prints, runner, out / CACHE / MPIS).items():
-        choices += choose_steps(plan, scene, prints[scene], counts, mpis=out / CACHE / MPIS)
+    mpis = (out / CACHE / MPIS).resolve()
+    for scene, counts in _counts(plan, prints, runner, mpis).items():
+        choices += choose_steps(plan, scene, prints[scene], counts, mpis=mpis)
     chosen = runner.run(choices, "choosing views")
     lpips = _lpips_at_hand(plan)
     scored_as: dict[Case, tuple[tuple[int, ...], ScoreStep]] = {}
@@ -136,7 +137,7 @@ def evaluate(
         costs=added(runner.took.values(), runner.peaks_mb),
     )
     _write(evaluation, out)
-    shutil.rmtree(out / CACHE / MPIS, ignore_errors=True)
+    shutil.rmtree(mpis, ignore_errors=True)
     return evaluation
 
 
