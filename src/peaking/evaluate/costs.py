@@ -30,8 +30,8 @@ class Costs:
         processor_s: Seconds of processors by kind, one of `KINDS`; of all steps, also of those
             that an earlier run did.
         mpis_made: How many MPIs were made, of any size.
-        peak_mb: Highest memory of this process and of the workers of this run, added up as if
-            all had it at once.
+        peak_mb: Highest memory of this process and of the workers that it had at once in this
+            run, added up as if all had theirs at the same moment.
         processes: How many these are.
     """
 
@@ -90,7 +90,7 @@ def took(
 
 
 def added(steps: Iterable[Mapping[str, Any]], peaks_mb: Mapping[str, float]) -> Costs:
-    """Add up what steps took; `peaks_mb` are the workers of this run."""
+    """Add up what steps took; `peaks_mb` are the workers of this run, by name."""
     seconds: dict[str, float] = dict.fromkeys(KINDS, 0.0)
     made = 0
     for step in steps:

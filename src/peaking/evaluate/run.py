@@ -70,7 +70,7 @@ class Runner:
     executor: Executor
     progress: Progress = no_progress
     peaks_mb: dict[str, float] = field(default_factory=dict)
-    """The most memory that each worker had, by its name."""
+    """The most memory that each worker had, by its name; of the workers that had most together."""
     took: dict[Step, Mapping[str, Any]] = field(default_factory=dict)
 
     def run(self, steps: Sequence[Step], what: str) -> dict[Step, Found]:
@@ -78,10 +78,15 @@ class Runner:
         unique = list(dict.fromkeys(steps))
         found = {step: known for step in unique if (known := self.cache.get(step)) is not None}
         missing = [step for step in unique if step not in found]
+        peaks_mb: dict[str, float] = {}
         for step, result in self.progress(self.executor.run(missing), len(missing), what):
             self.cache.keep(step, result)
             found[step] = result
-            self.peaks_mb[result["took"]["worker"]] = result["took"]["peak_mb"]
+            peaks_mb[result["took"]["worker"]] = result["took"]["peak_mb"]
+        # Those of the last call are gone by now: they need no room beside these.
+        if sum(peaks_mb.values()) > sum(self.peaks_mb.values()):
+            self.peaks_mb.clear()
+            self.peaks_mb.update(peaks_mb)
         self.took.update({step: result["took"] for step, result in found.items()})
         return found
 
