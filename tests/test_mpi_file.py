@@ -350,7 +350,8 @@ def test_the_written_planes_agree_with_float64(seed: int, empty: float) -> None:
         np.full(3, -1, np.int32),
     )
     stacks = np.arange(3, dtype=np.int32)
-    assert _kernels.share_colors(words.reshape(3, 256), stacks, none_yet, own, is_new, alphas) == 3
+    assert _kernels.share_colors(words.reshape(3, 256), stacks, none_yet, own, is_new) == 3
+    _kernels.store_alphas(words.reshape(3, 256), alphas)
     np.testing.assert_array_equal(own.reshape(3, 16, 16), words)
     for i in range(3):
         row, col = divmod(i, 2)
@@ -372,8 +373,7 @@ def test_shared_colours_are_those_of_every_tile(seed: int, num_stacks: int) -> N
     words = texels.view(np.uint32).reshape(12, 256)
     colors, is_new = np.empty_like(words), np.empty(12, dtype=bool)
     none_yet = np.full(num_stacks, -1, dtype=np.int32)
-    stored = np.empty((12, 256), dtype=np.uint8)
-    count = _kernels.share_colors(words, stacks, none_yet.copy(), colors, is_new, stored)
+    count = _kernels.share_colors(words, stacks, none_yet.copy(), colors, is_new)
     assert is_new.sum() == count
     color_of = np.empty(12, dtype=np.int32)
     _kernels.find_colors(is_new, stacks, none_yet, color_of)

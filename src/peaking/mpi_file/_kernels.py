@@ -84,22 +84,13 @@ def _same_colors(texels, color):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def share_colors(words, stacks, latest, colors, is_new, alphas):
-    """Find the tiles whose colours differ from those of the tile behind, and take alpha out.
+def store_alphas(words, alphas):
+    """Take alpha out of all tiles, as it is stored.
 
     Args:
-        words: [tiles, 256] uint32, premultiplied RGBA, farthest first.
-        stacks: [tiles] int32, which row and column a tile is in.
-        latest: [stacks] int32, -1 everywhere; to work with.
-        colors: [tiles, 256] uint32, to write to: what tiles of the same colours look like
-            together, each texel from the one that is most opaque there.
-        is_new: [tiles] bool, to write to: whether a tile begins a new one of `colors`.
-        alphas: [tiles, 256] uint8, to write to: alpha as it is stored.
-
-    Returns:
-        How many of `colors` are used.
+        words: [tiles, 256] uint32, premultiplied RGBA.
+        alphas: [tiles, 256] uint8, to write to.
     """
-    count = 0
     for i in range(len(words)):
         texels, stored = words[i], alphas[i]
         for x in range(256):
@@ -108,6 +99,26 @@ def share_colors(words, stacks, latest, colors, is_new, alphas):
             inner = _I(16) + ((opacity * _I(24672) + _I(32768)) >> _I(16))
             inner = _I(0) if opacity == _I(0) else inner
             stored[x] = np.uint8(_I(128) if opacity == _I(255) else inner)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def share_colors(words, stacks, latest, colors, is_new):
+    """Find the tiles whose colours differ from those of the tile behind.
+
+    Args:
+        words: [tiles, 256] uint32, premultiplied RGBA, farthest first.
+        stacks: [tiles] int32, which row and column a tile is in.
+        latest: [stacks] int32, -1 everywhere; to work with.
+        colors: [tiles, 256] uint32, to write to: what tiles of the same colours look like
+            together, each texel from the one that is most opaque there.
+        is_new: [tiles] bool, to write to: whether a tile begins a new one of `colors`.
+
+    Returns:
+        How many of `colors` are used.
+    """
+    count = 0
+    for i in range(len(words)):
+        texels = words[i]
         behind = latest[stacks[i]]
         is_new[i] = behind < 0 or not _same_colors(texels, colors[behind])
         if is_new[i]:

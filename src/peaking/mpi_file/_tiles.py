@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 import simplejpeg
-from jaxtyping import Int32, UInt8
+from jaxtyping import Bool, Int32, UInt8, UInt32
 
 from peaking.errors import MpiFileError
 from peaking.mpi import TILE_PX
@@ -63,15 +63,21 @@ def unpack_texels(payload: bytes, codec: Codec, stacks: _Stacks) -> _Texels:
 
 
 def _to_pictures(texels: _Texels, stacks: _Stacks, quality: int) -> bytes:
+    words = np.ascontiguousarray(texels).view(np.uint32).reshape(-1, TILE_PX**2)
+    alpha_jpeg = _beside().submit(_alpha_jpeg, words)
+    is_new, color_jpeg = _color_jpeg(words, stacks, quality)
+    length = len(color_jpeg).to_bytes(_LENGTH_BYTES, "little")
+    return b"".join([np.packbits(is_new).tobytes(), length, color_jpeg, alpha_jpeg.result()])
+
+
+def _color_jpeg(
+    words: UInt32[np.ndarray, "tiles 256"], stacks: _Stacks, quality: int
+) -> tuple[Bool[np.ndarray, "tiles"], bytes]:
+    """Return which tiles have new colours, and the picture of those."""
     from peaking.mpi_file._kernels import mean_colors, share_colors, tiles_to_chroma, tiles_to_luma
 
-    words = np.ascontiguousarray(texels).view(np.uint32).reshape(-1, TILE_PX**2)
-    rows, cols = _near_square(len(words))
-    alphas = np.zeros((rows * cols, TILE_PX**2), dtype=np.uint8)
     colors, is_new = np.empty_like(words), np.empty(len(words), dtype=np.bool_)
-    count = share_colors(words, stacks, _none_yet(stacks), colors, is_new, alphas)
-    alpha_jpeg = _beside().submit(_alpha_jpeg, alphas, rows, cols)
-
+    count = share_colors(words, stacks, _none_yet(stacks), colors, is_new)
     colors = colors[:count].reshape(-1, TILE_PX, TILE_PX)
     rows, cols = _near_square(len(colors))
     luma = np.zeros((rows, TILE_PX, cols, TILE_PX), dtype=np.uint8)
@@ -80,14 +86,13 @@ def _to_pictures(texels: _Texels, stacks: _Stacks, quality: int) -> bytes:
     mean_colors(colors, means)
     tiles_to_luma(colors, means, luma)
     tiles_to_chroma(colors, means, blue, red)
-    color_jpeg = simplejpeg.encode_jpeg_yuv_planes(
+    jpeg = simplejpeg.encode_jpeg_yuv_planes(
         luma.reshape(-1, cols * TILE_PX),
         blue.reshape(-1, cols * _HALF),
         red.reshape(-1, cols * _HALF),
         quality,
     )
-    length = len(color_jpeg).to_bytes(_LENGTH_BYTES, "little")
-    return b"".join([np.packbits(is_new).tobytes(), length, color_jpeg, alpha_jpeg.result()])
+    return is_new, jpeg
 
 
 def _from_pictures(payload: bytes, stacks: _Stacks) -> _Texels:
@@ -147,7 +152,13 @@ def _beside() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(thread_name_prefix="mpi-file")
 
 
-def _alpha_jpeg(tiles: UInt8[np.ndarray, "tiles 256"], rows: int, cols: int) -> bytes:
+def _alpha_jpeg(words: UInt32[np.ndarray, "tiles 256"]) -> bytes:
+    """Return the picture of all tiles' alpha."""
+    from peaking.mpi_file._kernels import store_alphas
+
+    rows, cols = _near_square(len(words))
+    tiles = np.zeros((rows * cols, TILE_PX**2), dtype=np.uint8)
+    store_alphas(words, tiles)
     row_of_tile = np.dtype((np.void, TILE_PX))  # copied as one
     lines = tiles.view(row_of_tile).reshape(rows, cols, TILE_PX).transpose(0, 2, 1)
     picture = np.ascontiguousarray(lines).view(np.uint8)
