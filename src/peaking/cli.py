@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, Protocol, runtime_checkable
@@ -86,6 +87,9 @@ Commands = (
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; exit code 2 for bad input, 130 for Ctrl-C."""
+    # Idle threads of a kernel sleep: by default they spin for some 10 ms, and keep from work what
+    # comes next or runs beside. It has to be said before the first kernel runs.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"]):
         words[:2] = [f"bench-{words[1]}"]

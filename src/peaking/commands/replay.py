@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -59,11 +58,6 @@ class Replay:
 
     def run(self) -> None:
         """Replay, and say where the report is."""
-        if not self.no_video:
-            # The encoder works beside us. Threads that wait by spinning would keep each other from
-            # working then; it has to be said before the first parallel kernel runs.
-            os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
         from tqdm import tqdm
 
         from peaking.datasets.nerfstudio import open_recording

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import ssl
 from collections.abc import Callable
@@ -76,9 +75,6 @@ def run(
     started: Callable[[], None],
 ) -> None:
     """Serve an application until Ctrl-C; `started` is called when requests are answered."""
-    # Two kernels on busy cores would keep each other from working, if their threads waited by
-    # spinning; it has to be said before the first parallel kernel runs.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     settings = uvicorn.Config(
         app,
         http="httptools",
