@@ -1,8 +1,12 @@
-"""Made-up results for the tests of intervals, tables and report."""
+"""Made-up results for the tests of intervals, tables and report; what the recorded walk is like."""
 
 from collections.abc import Sequence
 
 from peaking.evaluate.results import Case, CaseResult, ViewScore
+
+FRAMES = 24
+SIZE_PX = (48, 64)
+"""Of the fixture `walk`."""
 
 
 def case(strategy: str = "peaking", seed: int = 0, n_views: int = 8, scene: str = "desk") -> Case:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluate_factories import FRAMES
 
 from peaking.cli import main
 from peaking.datasets.nerfstudio import open_recording
@@ -25,17 +26,8 @@ from peaking.evaluate.steps import Found
 from peaking.evaluate.strategies.threshold import walk as walked
 from peaking.mpi import Mpi
 from peaking.presets import DEFAULT
-from recordings import lateral_cameras, write_recording
 
-SIZE_PX = (48, 64)
-FRAMES = 24
 SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
-
-
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scenes") / "walk"
-    return write_recording(folder, cameras=lateral_cameras(FRAMES, *SIZE_PX))
 
 
 @pytest.fixture

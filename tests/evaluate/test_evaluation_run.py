@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluate_factories import FRAMES, SIZE_PX
 
 from peaking.cli import main
 from peaking.datasets.nerfstudio import open_recording
@@ -32,19 +33,12 @@ from peaking.geometry import Rigid
 from peaking.presets import DEFAULT
 from recordings import lateral_cameras, write_recording
 
-SIZE_PX = (48, 64)
 SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
 SAME = 1e-5
 """So near (dB, or the measure's own unit) are the results of two runs. The machine code that numba
 compiles in a process and the code that it caches for the next may round a float32 differently: seen
 in the sharpening of depth, 2e-7 per metre, which moved a PSNR by 2e-7 dB."""
 FILES = {"results.json", "views.csv", "table.md", "table.tex", "report.html", "pictures", "cache"}
-
-
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scenes") / "walk"
-    return write_recording(folder, cameras=lateral_cameras(24, *SIZE_PX))
 
 
 @pytest.fixture
@@ -154,7 +148,7 @@ def test_rotations_count_for_uniform_where_asked_and_change_no_other_step(
     plan: EvaluationPlan, tmp_path: Path
 ) -> None:
     """A camera that goes, turns on the spot, and goes on."""
-    straight = lateral_cameras(24, *SIZE_PX)
+    straight = lateral_cameras(FRAMES, *SIZE_PX)
     places_m = [np.array([0.05 * min(i, 8 + max(0, i - 16)), 0.0, 0.0]) for i in range(24)]
     turned = [Rigid(yaw(0.05 * min(max(i - 8, 0), 8)), place) for i, place in enumerate(places_m)]
     cameras = [replace(c, world_from_cam=pose) for c, pose in zip(straight, turned, strict=True)]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluate_factories import SIZE_PX
 
 from peaking.datasets.nerfstudio import open_recording, write_recording_subset
 from peaking.errors import BackendUnavailable, RecordingError
@@ -26,21 +27,13 @@ from peaking.presets import DEFAULT
 from peaking.splat.colmap import Estimate
 from peaking.splat.errors import CamerasNotFound
 from peaking.splat.seeds import Points
-from recordings import lateral_cameras, write_recording
+from recordings import lateral_cameras
 
-SIZE_PX = (48, 64)
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
-FRAMES = 24
 AGREE_DB = 0.5
 """Mean PSNR, COLMAP's cameras against exact ones. Measured (November 2026): 29.09 dB,
 exact 29.15 dB."""
 TESTED = [2, 6, 10, 14, 18, 22]
-
-
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scenes") / "walk"
-    return write_recording(folder, cameras=lateral_cameras(FRAMES, *SIZE_PX))
 
 
 @pytest.fixture
