@@ -9,8 +9,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
 
-COLOUR_RATE = 0.25
-"""How fast the colour that is carried on follows the surface before the edge, per pixel."""
+COLOUR_PX = 8
+"""Pixels of the surface before an edge whose mean colour is carried on."""
 
 LAG_PX = 2
 """Pixels before an edge that do not count for its colour: they are mixtures of both sides."""
@@ -139,8 +139,8 @@ def carry_line(
     """Carry the background on along one line of pixels.
 
     At a step towards the camera (more than `jump_per_m` of disparity between two pixels) the
-    surface before it is taken along: its disparity and its running mean colour, `LAG_PX` before
-    the edge. It is dropped
+    surface before it is taken along: its disparity, and the mean colour of its last `COLOUR_PX`
+    pixels without the `LAG_PX` at the edge (of the last one, if it is too narrow). It is dropped
     where it comes to light again, or once it has gone `reach_px` times the difference of the
     disparities, which is how far a camera that moves by the reach can look behind the edge.
 
@@ -149,19 +149,17 @@ def carry_line(
     """
     found = np.zeros((len(disparity), 5))
     carried, steps, carried_rgb = 0.0, 0, np.zeros(3)
-    surface_rgb, crossed = rgb[0].copy(), 0
+    begun = 0
     before = disparity[0]
     for n, d in enumerate(disparity):
         if abs(d - before) > jump_per_m:
             if d > before:
-                carried, steps, carried_rgb = before, 0, surface_rgb.copy()
-            crossed = 0
-        if crossed <= LAG_PX:
-            surface_rgb = rgb[n].copy()
-        else:
-            rate = 1.0 if crossed == LAG_PX + 1 else COLOUR_RATE
-            surface_rgb += rate * (rgb[n - LAG_PX] - surface_rgb)
-        crossed += 1
+                wide = n - begun > LAG_PX + 1
+                first = max(begun + 1, n - LAG_PX - COLOUR_PX) if wide else n - 1
+                surface_rgb = rgb[first : n - LAG_PX if wide else n]
+                carried, steps = before, 0
+                carried_rgb = np.floor(surface_rgb.mean(axis=0) + 0.5)
+            begun = n
         if carried > 0:
             steps += 1
             if d - carried <= jump_per_m or steps > reach_px * (d - carried):

@@ -35,15 +35,18 @@ def plane_disparities_per_m(
     """
     if num_planes < 2:
         raise ValueError(f"need num_planes >= 2, got {num_planes}")
-    sample = np.asarray(disparity_per_m, dtype=np.float64)[::2, ::2].ravel()
-    if not (np.isfinite(sample).all() and sample.min() > 0):
+    sample = np.sort(disparity_per_m[::2, ::2], axis=None)
+    if not (np.isfinite(sample[-1]) and sample[0] > 0):
         raise ValueError("need disparities > 0 at every pixel")
-    ranks = np.array([0.001, 0.999]) * (len(sample) - 1)
-    low, high = np.partition(sample, np.round(ranks).astype(int))[np.round(ranks).astype(int)]
+    ranks = np.round(np.array([0.001, 0.999]) * (len(sample) - 1)).astype(int)
+    low, high = sample[ranks].astype(np.float64)
     lacking = LEAST_SPAN * (low + high) / 2 - (high - low)
     if lacking > 0:
         low, high = low - lacking / 2, high + lacking / 2
-    counts, edges = np.histogram(sample, HISTOGRAM_BINS, (low, high))
+    edges = np.linspace(low, high, HISTOGRAM_BINS + 1)
+    below = np.searchsorted(sample, edges)
+    below[-1] = np.searchsorted(sample, high, side="right")
+    counts = np.diff(below)
     reach = np.arange(-3 * SMOOTHING_BINS, 3 * SMOOTHING_BINS + 1)
     kernel = np.exp(-0.5 * (reach / SMOOTHING_BINS) ** 2)
     density = np.cbrt(np.convolve(counts, kernel / kernel.sum(), mode="same"))

@@ -1,0 +1,31 @@
+# pyright: basic
+"""What the kernels of depth completion do with whole rows.
+
+Loops over rows become SIMD, and SIMD works on blocks of `BLOCK` numbers: what is left of a row is
+done one by one. So rows are padded to whole blocks.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+
+BLOCK = 32
+
+
+def padded_size(count: int) -> int:
+    """Return the size of the least number of whole blocks that hold so many."""
+    return -(-count // BLOCK) * BLOCK
+
+
+@nb.njit(cache=True, fastmath=True)
+def add_scaled(total, row, weight):
+    """Add a weighted row to another of whole blocks."""
+    for n in range(total.shape[0]):
+        total[n] += weight * row[n]
+
+
+@nb.njit(cache=True, fastmath=True)
+def copy_row(total, row):
+    """Write a row over another; an assignment of slices takes seconds to compile."""
+    for n in range(total.shape[0]):
+        total[n] = row[n]
