@@ -339,11 +339,8 @@ def test_the_written_planes_agree_with_float64(seed: int, empty: float) -> None:
     words = texels.view(np.uint32)[..., 0]
     luma = np.zeros((2, 16, 2, 16), dtype=np.uint8)
     blue, red = (np.zeros((2, 8, 2, 8), dtype=np.uint8) for _ in range(2))
-    means = np.empty((3, 3, 2, 2), dtype=np.float32)
-    _kernels.mean_colors(words, means)
-    _kernels.tiles_to_luma(words, means, luma)
-    _kernels.tiles_to_chroma(words, means, blue, red)
-    alphas = np.empty((3, 256), dtype=np.uint8)
+    _kernels.tiles_to_planes(words.reshape(3, 256), luma, blue, red)
+    alphas = np.empty((2, 16, 2, 16), dtype=np.uint8)
     own, is_new, none_yet = (
         np.empty((3, 256), np.uint32),
         np.empty(3, bool),
@@ -351,11 +348,12 @@ def test_the_written_planes_agree_with_float64(seed: int, empty: float) -> None:
     )
     stacks = np.arange(3, dtype=np.int32)
     assert _kernels.share_colors(words.reshape(3, 256), stacks, none_yet, own, is_new) == 3
-    _kernels.store_alphas(words.reshape(3, 256), alphas)
+    _kernels.tiles_to_alpha(words.reshape(3, 256), alphas)
+    assert alphas[1, :, 1].max() == 0
     np.testing.assert_array_equal(own.reshape(3, 16, 16), words)
     for i in range(3):
         row, col = divmod(i, 2)
-        got = (luma[row, :, col], blue[row, :, col], red[row, :, col], alphas[i].reshape(16, 16))
+        got = (plane[row, :, col] for plane in (luma, blue, red, alphas))
         for mine, expected in zip(got, planes_by_numpy(texels[i]), strict=True):
             assert np.abs(mine - expected).max() <= PLANES_STEPS
 

@@ -107,8 +107,12 @@ def run(
 
     completed = [complete(_depth(s.frame), s.frame.rgb) for s in frames]
     mpis = [make(s) for s in frames]
+    latest = [mpis[-1]]  # what `generate` made last is encoded next, as a server does
     files = [mpi_file.encode(mpi) for mpi in mpis]
     fields = {name: _field_of_three(PRESETS[name], frames) for name in ("default", "paper")}
+
+    def make_next(n: int) -> None:
+        latest[0] = make(pick(n))
 
     def layers(n: int) -> Mpi:
         k = n % len(frames)
@@ -130,8 +134,8 @@ def run(
         Candidate("align", lambda n: align(mpis[n % len(mpis)], _depth(pick(n).frame))),
         Candidate("complete", lambda n: complete(_depth(pick(n).frame), pick(n).frame.rgb)),
         Candidate("layers", layers),
-        Candidate("generate", lambda n: make(pick(n))),
-        Candidate("encode", lambda n: mpi_file.encode(mpis[n % len(mpis)])),
+        Candidate("generate", make_next),
+        Candidate("encode", lambda _: mpi_file.encode(latest[0])),
         Candidate("decode", lambda n: mpi_file.decode(files[n % len(files)])),
         Candidate("render_one", render_one),
         Candidate("see_three", lambda n: _see(fields["default"], frames, n)),

@@ -53,10 +53,8 @@ def encode(mpi: Mpi, *, codec: Codec = "jpeg", quality: int = DEFAULT_QUALITY) -
         codec=codec,
         num_tiles=len(mpi.texels),
     )
-    header.check()
-    occupancy = _occupancy(mpi)
-    stacks = _stacks(mpi.tile_places, header)
-    payload = pack_texels(mpi.texels, codec, stacks, quality=quality)
+    occupancy, stacks = _occupancy(mpi)
+    payload = pack_texels(mpi.texels, codec, stacks, quality=quality, meanwhile=header.check)
     json_bytes = header.to_json(len(occupancy), len(payload))
     checksum = zlib.crc32(payload, zlib.crc32(occupancy, zlib.crc32(json_bytes)))
     fixed = (
@@ -166,18 +164,19 @@ def _stacks(places: Int32[np.ndarray, "tiles 3"], header: Header) -> Int32[np.nd
     return (places[:, 1] * _grid(header)[2] + places[:, 2]).astype(np.int32)
 
 
-def _occupancy(mpi: Mpi) -> bytes:
-    """Return one bit per place, set where there is a tile."""
+def _occupancy(mpi: Mpi) -> tuple[bytes, Int32[np.ndarray, "tiles"]]:
+    """Return one bit per place, set where there is a tile, and the stack of every tile."""
+    from peaking.mpi_file._kernels import mark_places
+
     grid = (mpi.num_planes, *tile_grid(*mpi.camera.pinhole.size_px))
-    places = mpi.tile_places
-    if (places < 0).any() or (places >= np.array(grid)).any():
+    held = np.zeros(grid, dtype=np.bool_)
+    stacks = np.empty(len(mpi.tile_places), dtype=np.int32)
+    wrong = mark_places(mpi.tile_places, held, stacks)
+    if wrong == 1:
         raise ValueError(f"need tile_places inside planes, rows, cols = {grid}")
-    flat = np.ravel_multi_index((places[:, 0], places[:, 1], places[:, 2]), grid)
-    if (np.diff(flat) <= 0).any():
+    if wrong == 2:
         raise ValueError("need tile_places sorted by (plane, row, column), each place once")
-    held = np.zeros(int(np.prod(grid)), dtype=bool)
-    held[flat] = True
-    return np.packbits(held).tobytes()
+    return np.packbits(held).tobytes(), stacks
 
 
 def _places(occupancy: bytes, header: Header) -> Int32[np.ndarray, "tiles 3"]:

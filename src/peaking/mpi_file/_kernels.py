@@ -3,7 +3,8 @@
 
 The layout of the pictures and the formulas: docs/mpi-format.md. A texel travels as one 32-bit
 word, red in the lowest byte, and the inner loops run over contiguous rows without branches, so
-that the compiler can work on eight texels at once.
+that the compiler can work on eight texels at once; numba computes in 64 bits, four at once,
+unless every step is cast back to 32.
 """
 
 import numpy as np
@@ -12,6 +13,8 @@ from numba import njit
 _F = np.float32
 _I = np.int32
 _U = np.uint32
+_E = np.uint64
+"""Eight bytes of a picture, copied as one."""
 _BYTE = np.uint32(0xFF)
 _EVEN = np.uint32(0x00FF00FF)  # red and blue of a word; after a shift by 8, green and alpha
 
@@ -36,21 +39,51 @@ def _ycc(r, g, b, a):
 
 
 @njit(cache=True, inline="always")
-def _sums(words, top, left):
-    """Return the sums of the channels over 8 × 8 texels; two of them fit in a word."""
-    red_blue = _U(0)
-    green_alpha = _U(0)
-    for y in range(top, top + 8):
-        for x in range(left, left + 8):
-            red_blue += words[y, x] & _EVEN
-            green_alpha += (words[y, x] >> _U(8)) & _EVEN
-    low = _U(0xFFFF)
-    return (
-        _I(red_blue & low),
-        _I(green_alpha & low),
-        _I(red_blue >> _U(16)),
-        _I(green_alpha >> _U(16)),
-    )
+def _halves(word):
+    """Return the lower and the upper 16 bits."""
+    return _I(word & _U(0xFFFF)), _I(word >> _U(16))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _quad_sums(texels, rows_rb, rows_ga, rb, ga):
+    """Write the sums of the channels of 2 texels above each other, and of 2 × 2.
+
+    Two of them fit in a word.
+    """
+    for y in range(8):
+        upper, lower = texels[32 * y : 32 * y + 16], texels[32 * y + 16 : 32 * y + 32]
+        row_rb, row_ga = rows_rb[16 * y : 16 * y + 16], rows_ga[16 * y : 16 * y + 16]
+        for x in range(16):
+            a, b = upper[x], lower[x]
+            row_rb[x] = (a & _EVEN) + (b & _EVEN)
+            row_ga[x] = ((a >> _U(8)) & _EVEN) + ((b >> _U(8)) & _EVEN)
+    for n in range(64):
+        rb[n] = rows_rb[2 * n] + rows_rb[2 * n + 1]
+        ga[n] = rows_ga[2 * n] + rows_ga[2 * n + 1]
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _block_means(rb, ga, means):
+    """Write Y, Cb and Cr of the mean colour of the four 8 × 8 blocks, or of the tile.
+
+    `rb` and `ga` are what `_quad_sums` wrote.
+    """
+    sums = np.zeros((5, 4), np.int32)
+    for block in range(4):
+        block_rb = block_ga = _U(0)
+        for y in range(4):
+            for x in range(4):
+                n = 32 * (block >> 1) + 4 * (block & 1) + 8 * y + x
+                block_rb += rb[n]
+                block_ga += ga[n]
+        sums[block, 0], sums[block, 2] = _halves(block_rb)
+        sums[block, 1], sums[block, 3] = _halves(block_ga)
+        for channel in range(4):
+            sums[4, channel] += sums[block, channel]
+    for block in range(4):
+        used = block if sums[block, 3] > 0 else 4
+        y, cb, cr = _ycc(sums[used, 0], sums[used, 1], sums[used, 2], sums[used, 3])
+        means[block, 0], means[block, 1], means[block, 2] = y, cb, cr
 
 
 @njit(cache=True, inline="always")
@@ -60,9 +93,9 @@ def _unlike(a, b, opacity_a, opacity_b, shift):
     Premultiplied by an alpha a and rounded, a colour is within half a step of what it should be, so
     two texels of one colour differ by (a + b) / 2 at most; as much is allowed again.
     """
-    one = _I((a >> _U(shift)) & _BYTE) * opacity_b
-    other = _I((b >> _U(shift)) & _BYTE) * opacity_a
-    return abs(one - other) - (opacity_a + opacity_b)
+    one = _I(_I((a >> _U(shift)) & _BYTE) * opacity_b)
+    other = _I(_I((b >> _U(shift)) & _BYTE) * opacity_a)
+    return _I(_I(abs(_I(one - other))) - _I(opacity_a + opacity_b))
 
 
 @njit(cache=True, inline="always")
@@ -83,22 +116,61 @@ def _same_colors(texels, color):
     return True
 
 
+@njit(cache=True)
+def mark_places(places, held, stacks):
+    """Mark the places of tiles, and number rows and columns.
+
+    Args:
+        places: [tiles, 3] int32, plane, row and column.
+        held: [planes, rows, cols] bool, False everywhere; to write to.
+        stacks: [tiles] int32, row · columns + column; to write to.
+
+    Returns:
+        0, or 1 if a place is outside, or 2 if they are not sorted, each once.
+    """
+    planes, rows, cols = held.shape
+    before = -1
+    for i in range(len(places)):
+        plane, row, col = places[i, 0], places[i, 1], places[i, 2]
+        if not (0 <= plane < planes and 0 <= row < rows and 0 <= col < cols):
+            return 1
+        stack = row * cols + col
+        place = plane * rows * cols + stack
+        if place <= before:
+            return 2
+        before = place
+        held[plane, row, col] = True
+        stacks[i] = stack
+    return 0
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def store_alphas(words, alphas):
-    """Take alpha out of all tiles, as it is stored.
+def tiles_to_alpha(words, picture):
+    """Write alpha of all tiles into a picture, as it is stored.
 
     Args:
         words: [tiles, 256] uint32, premultiplied RGBA.
-        alphas: [tiles, 256] uint8, to write to.
+        picture: [rows, 16, cols, 16] uint8, to write to; 0 where no tile is.
     """
-    for i in range(len(words)):
-        texels, stored = words[i], alphas[i]
+    rows, num_cols = picture.shape[0], np.uint64(picture.shape[2])
+    eights = picture.view(_E)
+    stored = np.empty(256, np.uint8)
+    stored_eights = stored.view(_E)
+    for i in range(rows * picture.shape[2]):
+        row, col = np.uint64(i) // num_cols, np.uint64(i) % num_cols
+        if i >= len(words):
+            picture[row, :, col] = np.uint8(0)
+            continue
+        texels = words[i]
         for x in range(256):
             opacity = _I(texels[x] >> _U(24))
             # 24672 / 65536 = 96 / 255: from 16 to 112, and the ends are 0 and 128
-            inner = _I(16) + ((opacity * _I(24672) + _I(32768)) >> _I(16))
+            inner = _I(16) + _I(_I(_I(opacity * _I(24672)) + _I(32768)) >> _I(16))
             inner = _I(0) if opacity == _I(0) else inner
             stored[x] = np.uint8(_I(128) if opacity == _I(255) else inner)
+        for y in range(16):
+            eights[row, y, col, 0] = stored_eights[2 * y]
+            eights[row, y, col, 1] = stored_eights[2 * y + 1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -122,7 +194,8 @@ def share_colors(words, stacks, latest, colors, is_new):
         behind = latest[stacks[i]]
         is_new[i] = behind < 0 or not _same_colors(texels, colors[behind])
         if is_new[i]:
-            colors[count] = texels
+            for x in range(256):
+                colors[count, x] = texels[x]
             latest[stacks[i]] = count
             count += 1
             continue
@@ -151,95 +224,63 @@ def find_colors(is_new, stacks, latest, color_of):
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def mean_colors(words, means):
-    """Find what a texel without alpha gets: the mean colour of its 8 × 8 block, or of its tile.
+def tiles_to_planes(words, luma, blue, red):
+    """Write the straight colours of all tiles into the planes of a picture.
+
+    A texel without alpha gets the mean colour of its 8 × 8 block, or else of its tile.
 
     Args:
-        words: [tiles, 16, 16] uint32, premultiplied RGBA.
-        means: [tiles, 3, 2, 2], Y, Cb and Cr of every block, to write to.
-    """
-    sums = np.empty((5, 4), dtype=np.int32)  # of the four blocks, then of the tile
-    for i in range(len(words)):
-        sums[4] = 0
-        for block in range(4):
-            r, g, b, a = _sums(words[i], 8 * (block // 2), 8 * (block % 2))
-            sums[block, 0] = r
-            sums[block, 1] = g
-            sums[block, 2] = b
-            sums[block, 3] = a
-            for channel in range(4):
-                sums[4, channel] += sums[block, channel]
-        for block in range(4):
-            used = sums[block] if sums[block, 3] > 0 else sums[4]
-            y, cb, cr = _ycc(used[0], used[1], used[2], used[3])
-            means[i, 0, block // 2, block % 2] = y
-            means[i, 1, block // 2, block % 2] = cb
-            means[i, 2, block // 2, block % 2] = cr
-
-
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def tiles_to_luma(words, means, luma):
-    """Write the luma of all tiles' straight colours into a picture.
-
-    Args:
-        words: [tiles, 16, 16] uint32, premultiplied RGBA.
-        means: What `mean_colors` found.
+        words: [tiles, 256] uint32, premultiplied RGBA.
         luma: [rows, 16, cols, 16], to write to; what no tile covers is left as it is.
-    """
-    num_cols = luma.shape[2]
-    for i in range(len(words)):
-        row, col = np.uint64(i) // np.uint64(num_cols), np.uint64(i) % np.uint64(num_cols)
-        for y in range(16):
-            texels = words[i, y]
-            colors = luma[row, y, col]
-            left, right = means[i, 0, y // 8, 0], means[i, 0, y // 8, 1]
-            for x in range(16):
-                word = texels[x]
-                opacity = _I(word >> _U(24))
-                shade = _brightness(
-                    _F(_I(word & _BYTE)),
-                    _F(_I((word >> _U(8)) & _BYTE)),
-                    _F(_I((word >> _U(16)) & _BYTE)),
-                )
-                straight = shade * (_F(255) / max(_F(opacity), _F(1)))
-                mean = left if x < 8 else right
-                colors[x] = _byte(straight if opacity > 0 else mean)
-
-
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def tiles_to_chroma(words, means, blue, red):
-    """Write the chroma of all tiles into a picture, one sample for 2 × 2 texels.
-
-    Args:
-        words: [tiles, 16, 16] uint32, premultiplied RGBA.
-        means: What `mean_colors` found.
-        blue: [rows, 8, cols, 8], Cb, to write to; what no tile covers is left as it is.
+        blue: [rows, 8, cols, 8], Cb, one sample for 2 × 2 texels; each counts as it is opaque.
         red: The same for Cr.
     """
-    num_cols = blue.shape[2]
+    num_cols = np.uint64(luma.shape[2])
+    rows_rb, rows_ga = np.empty(128, np.uint32), np.empty(128, np.uint32)
+    rb, ga, means = np.empty(64, np.uint32), np.empty(64, np.uint32), np.empty((4, 3), np.float32)
+    fill = np.empty(256, np.uint8)
+    shades, blues, reds = np.empty(256, np.uint8), np.empty(64, np.uint8), np.empty(64, np.uint8)
+    luma_eights, blue_eights, red_eights = luma.view(_E), blue.view(_E), red.view(_E)
+    shade_eights, blues_eights, reds_eights = shades.view(_E), blues.view(_E), reds.view(_E)
     for i in range(len(words)):
-        row, col = np.uint64(i) // np.uint64(num_cols), np.uint64(i) % np.uint64(num_cols)
+        row, col = np.uint64(i) // num_cols, np.uint64(i) % num_cols
+        texels = words[i]
+        _quad_sums(texels, rows_rb, rows_ga, rb, ga)
+        for n in range(64):
+            r, b = _halves(rb[n])
+            g, a = _halves(ga[n])
+            _, cb, cr = _ycc(r, g, b, a)
+            blues[n], reds[n] = _byte(cb), _byte(cr)
+        for n in range(256):
+            word = texels[n]
+            alpha = word >> _U(24)
+            shade = _brightness(
+                _F(_I(word & _BYTE)),
+                _F(_I((word >> _U(8)) & _BYTE)),
+                _F(_I((word >> _U(16)) & _BYTE)),
+            )
+            shades[n] = _byte(shade * (_F(255) / max(_F(_I(alpha)), _F(1))))
+        least = _I(255)
+        for n in range(256):
+            least = min(least, _I(texels[n] >> _U(24)))
+        if least == 0:
+            _block_means(rb, ga, means)
+            for run in range(32):
+                mean = _byte(means[2 * (run >> 4) + (run & 1), 0])
+                for x in range(8):
+                    fill[8 * run + x] = mean
+            for n in range(256):
+                shades[n] = fill[n] if texels[n] >> _U(24) == _U(0) else shades[n]
+            for n in range(64):
+                if ga[n] >> _U(16) == _U(0):
+                    block = 2 * (n >> 5) + ((n >> 2) & 1)
+                    blues[n], reds[n] = _byte(means[block, 1]), _byte(means[block, 2])
+        for y in range(16):
+            luma_eights[row, y, col, 0] = shade_eights[2 * y]
+            luma_eights[row, y, col, 1] = shade_eights[2 * y + 1]
         for y in range(8):
-            upper, lower = words[i, 2 * y], words[i, 2 * y + 1]
-            blues, reds = blue[row, y, col], red[row, y, col]
-            left_cb, right_cb = means[i, 1, y // 4, 0], means[i, 1, y // 4, 1]
-            left_cr, right_cr = means[i, 2, y // 4, 0], means[i, 2, y // 4, 1]
-            for x in range(8):
-                a, b, c, d = upper[2 * x], upper[2 * x + 1], lower[2 * x], lower[2 * x + 1]
-                # The sum of premultiplied colours: a texel counts as much as it is opaque.
-                rb = (a & _EVEN) + (b & _EVEN) + (c & _EVEN) + (d & _EVEN)
-                ga = (a >> _U(8)) & _EVEN
-                ga += (b >> _U(8)) & _EVEN
-                ga += (c >> _U(8)) & _EVEN
-                ga += (d >> _U(8)) & _EVEN
-                opacity = _I(ga >> _U(16))
-                _, cb, cr = _ycc(
-                    _I(rb & _U(0xFFFF)), _I(ga & _U(0xFFFF)), _I(rb >> _U(16)), opacity
-                )
-                mean_cb = left_cb if x < 4 else right_cb
-                mean_cr = left_cr if x < 4 else right_cr
-                blues[x] = _byte(cb if opacity > 0 else mean_cb)
-                reds[x] = _byte(cr if opacity > 0 else mean_cr)
+            blue_eights[row, y, col, 0] = blues_eights[y]
+            red_eights[row, y, col, 0] = reds_eights[y]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

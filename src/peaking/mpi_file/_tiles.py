@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
@@ -31,7 +32,14 @@ _TILE_BYTES = TILE_PX * TILE_PX * 4
 _LENGTH_BYTES = 4
 
 
-def pack_texels(texels: _Texels, codec: Codec, stacks: _Stacks, *, quality: int) -> bytes:
+def pack_texels(
+    texels: _Texels,
+    codec: Codec,
+    stacks: _Stacks,
+    *,
+    quality: int,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> bytes:
     """Return the payload of a file; nothing when there are no tiles.
 
     Args:
@@ -39,12 +47,17 @@ def pack_texels(texels: _Texels, codec: Codec, stacks: _Stacks, *, quality: int)
         codec: How to store them.
         stacks: Row and column of each tile as one number, row · columns + column.
         quality: JPEG quality of the colours.
+        meanwhile: What else is to be done, here, while another thread is at work.
     """
-    if len(texels) == 0:
-        return b""
-    if codec == "lossless":
-        return zlib.compress(_differences(texels).tobytes(), level=1)
-    return _to_pictures(texels, stacks, quality)
+    if len(texels) == 0 or codec == "lossless":
+        meanwhile()
+        return zlib.compress(_differences(texels).tobytes(), level=1) if len(texels) else b""
+    words = np.ascontiguousarray(texels).view(np.uint32).reshape(-1, TILE_PX**2)
+    alpha_jpeg = _beside().submit(_alpha_jpeg, words)
+    is_new, color_jpeg = _color_jpeg(words, stacks, quality)
+    meanwhile()
+    length = len(color_jpeg).to_bytes(_LENGTH_BYTES, "little")
+    return b"".join([np.packbits(is_new).tobytes(), length, color_jpeg, alpha_jpeg.result()])
 
 
 def unpack_texels(payload: bytes, codec: Codec, stacks: _Stacks) -> _Texels:
@@ -62,30 +75,18 @@ def unpack_texels(payload: bytes, codec: Codec, stacks: _Stacks) -> _Texels:
     return _from_pictures(payload, stacks)
 
 
-def _to_pictures(texels: _Texels, stacks: _Stacks, quality: int) -> bytes:
-    words = np.ascontiguousarray(texels).view(np.uint32).reshape(-1, TILE_PX**2)
-    alpha_jpeg = _beside().submit(_alpha_jpeg, words)
-    is_new, color_jpeg = _color_jpeg(words, stacks, quality)
-    length = len(color_jpeg).to_bytes(_LENGTH_BYTES, "little")
-    return b"".join([np.packbits(is_new).tobytes(), length, color_jpeg, alpha_jpeg.result()])
-
-
 def _color_jpeg(
     words: UInt32[np.ndarray, "tiles 256"], stacks: _Stacks, quality: int
 ) -> tuple[Bool[np.ndarray, "tiles"], bytes]:
     """Return which tiles have new colours, and the picture of those."""
-    from peaking.mpi_file._kernels import mean_colors, share_colors, tiles_to_chroma, tiles_to_luma
+    from peaking.mpi_file._kernels import share_colors, tiles_to_planes
 
     colors, is_new = np.empty_like(words), np.empty(len(words), dtype=np.bool_)
     count = share_colors(words, stacks, _none_yet(stacks), colors, is_new)
-    colors = colors[:count].reshape(-1, TILE_PX, TILE_PX)
-    rows, cols = _near_square(len(colors))
+    rows, cols = _near_square(count)
     luma = np.zeros((rows, TILE_PX, cols, TILE_PX), dtype=np.uint8)
     blue, red = (np.full((rows, _HALF, cols, _HALF), 128, dtype=np.uint8) for _ in range(2))
-    means = np.empty((len(colors), 3, 2, 2), dtype=np.float32)
-    mean_colors(colors, means)
-    tiles_to_luma(colors, means, luma)
-    tiles_to_chroma(colors, means, blue, red)
+    tiles_to_planes(colors[:count], luma, blue, red)
     jpeg = simplejpeg.encode_jpeg_yuv_planes(
         luma.reshape(-1, cols * TILE_PX),
         blue.reshape(-1, cols * _HALF),
@@ -154,14 +155,11 @@ def _beside() -> ThreadPoolExecutor:
 
 def _alpha_jpeg(words: UInt32[np.ndarray, "tiles 256"]) -> bytes:
     """Return the picture of all tiles' alpha."""
-    from peaking.mpi_file._kernels import store_alphas
+    from peaking.mpi_file._kernels import tiles_to_alpha
 
     rows, cols = _near_square(len(words))
-    tiles = np.zeros((rows * cols, TILE_PX**2), dtype=np.uint8)
-    store_alphas(words, tiles)
-    row_of_tile = np.dtype((np.void, TILE_PX))  # copied as one
-    lines = tiles.view(row_of_tile).reshape(rows, cols, TILE_PX).transpose(0, 2, 1)
-    picture = np.ascontiguousarray(lines).view(np.uint8)
+    picture = np.empty((rows, TILE_PX, cols, TILE_PX), dtype=np.uint8)
+    tiles_to_alpha(words, picture)
     return simplejpeg.encode_jpeg(
         picture.reshape(rows * TILE_PX, cols * TILE_PX, 1),
         quality=ALPHA_QUALITY,
