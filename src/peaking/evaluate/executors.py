@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -71,7 +72,7 @@ class ProcessPool:
     def _once(self, steps: Sequence[Step]) -> Iterator[tuple[int, Found]]:
         context = multiprocessing.get_context("spawn")
         count = min(self._workers, len(steps))
-        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_pool_worker)
         waiting: dict[Future[Found], int] = {}
         try:
             queue = iter(enumerate(steps))
@@ -128,6 +129,24 @@ class RayTasks:
 def _perform_alone(step: Step) -> Found:
     _begin_worker()
     return perform(step)
+
+
+def _begin_pool_worker() -> None:
+    end_with_parent()
+    _begin_worker()
+
+
+def end_with_parent() -> None:
+    """Let this worker process end as soon as the one that started it is gone, killed or not."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        raise RuntimeError("need a process that multiprocessing started")
+
+    def wait_and_end() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait_and_end, daemon=True, name="end-with-parent").start()
 
 
 def _begin_worker() -> None:
