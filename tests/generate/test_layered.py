@@ -137,13 +137,18 @@ def test_no_crack_opens_on_a_slanted_wall() -> None:
     width=st.integers(2, 50),
     height=st.integers(2, 40),
     num_planes=st.integers(2, 40),
+    underlap_px=st.integers(0, 3),
+    underlap_planes=st.integers(0, 3),
 )
-def test_the_fast_path_agrees(seed: int, width: int, height: int, num_planes: int) -> None:
+def test_the_fast_path_agrees(
+    seed: int, width: int, height: int, num_planes: int, underlap_px: int, underlap_planes: int
+) -> None:
     rgb, depth_m = scene(np.random.default_rng(seed), width, height)
-    made = [
-        Layered(num_planes=num_planes, backend=backend)(rgb, depth_m, camera(width, height))
-        for backend in ("numpy", "numba")
+    generators = [
+        Layered(num_planes, underlap_px=underlap_px, underlap_planes=underlap_planes, backend=name)
+        for name in ("numpy", "numba")
     ]
+    made = [generate(rgb, depth_m, camera(width, height)) for generate in generators]
     reference, fast = (mpi.dense().astype(int) for mpi in made)
     np.testing.assert_array_equal(made[0].plane_depths_m, made[1].plane_depths_m)
     different = (np.abs(reference - fast) > 1).any(axis=-1).mean()
@@ -158,5 +163,9 @@ def test_impossible_input_is_refused() -> None:
         Layered()(rgb, depth_m, camera(11, 10))
     with pytest.raises(ValueError, match="num_planes"):
         Layered(num_planes=1)
+    with pytest.raises(ValueError, match="num_planes"):
+        Layered(num_planes=2**15)
+    with pytest.raises(ValueError, match="underlap_planes"):
+        Layered(underlap_planes=256)
     with pytest.raises(ValueError, match="reach_m"):
         Layered(reach_m=-1.0)

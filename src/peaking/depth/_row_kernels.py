@@ -25,7 +25,7 @@ def add_scaled(total, row, weight):
 
 
 @nb.njit(cache=True, fastmath=True)
-def copy_row(total, row):
+def copy_row(to, row):
     """Write a row over another; an assignment of slices takes seconds to compile."""
-    for n in range(total.shape[0]):
-        total[n] = row[n]
+    for n in range(to.shape[0]):
+        to[n] = row[n]

@@ -22,6 +22,9 @@ from peaking.generate.planes import plane_disparities_per_m
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 
+MAX_PLANES, MAX_UNDERLAP = 2**14, 255
+"""What the fast path packs into 16 and 8 bits."""
+
 
 @dataclass(frozen=True)
 class Layered:
@@ -42,9 +45,13 @@ class Layered:
     name = "layered"
 
     def __post_init__(self) -> None:
-        if self.num_planes < 2:
-            raise ValueError(f"need num_planes >= 2, got {self.num_planes}")
-        if min(self.reach_m, self.underlap_px, self.underlap_planes) < 0 or self.jump_planes <= 0:
+        if not 2 <= self.num_planes <= MAX_PLANES:
+            raise ValueError(f"need num_planes of 2..{MAX_PLANES}, got {self.num_planes}")
+        if not 0 <= self.underlap_planes <= MAX_UNDERLAP:
+            raise ValueError(
+                f"need underlap_planes of 0..{MAX_UNDERLAP}, got {self.underlap_planes}"
+            )
+        if min(self.reach_m, self.underlap_px) < 0 or self.jump_planes <= 0:
             raise ValueError(f"need jump_planes > 0 and the rest >= 0, got {self}")
 
     def __call__(
