@@ -135,8 +135,14 @@ class LivePhone:
             RuntimeError: The server answered with 400 or above.
         """
         headers = {"Content-Type": content} if body is not None else {}
-        self._connection.request(method, path, body, headers)
-        answer = self._connection.getresponse()
+        try:
+            self._connection.request(method, path, body, headers)
+            answer = self._connection.getresponse()
+        except ConnectionError:
+            # The server hangs up on idle connections; everything can be sent twice, by its id.
+            self._connection.close()
+            self._connection.request(method, path, body, headers)
+            answer = self._connection.getresponse()
         data = answer.read()
         if answer.status >= 400:
             raise RuntimeError(f"{method} {path}: {answer.status} {data[:300]!r}")
