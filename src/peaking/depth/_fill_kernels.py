@@ -18,7 +18,7 @@ ACROSS = (0, 0), (0, 1), (1, 0), (0, 2), (2, 0), (1, 1), (3, 0), (3, 1), (4, 0),
 """Moments: which of `DOWN`, and the power of x."""
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def reduce(disparity, same_surface, first_row, first_col, out):
     """Reduce to the size of `out` without mixing surfaces; cells begin where it is said."""
     rows, cols = out.shape
@@ -49,7 +49,7 @@ def reduce(disparity, same_surface, first_row, first_col, out):
             out[y, x] = total / count
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def moments(powers, levers, out):
     """Write the ten moments of the known samples in the square around each.
 
@@ -73,7 +73,7 @@ def moments(powers, levers, out):
                 add_scaled(out[n, y], row, levers[ACROSS[n][1], k])
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def begin(disparity, least, late, cost, source, holes):
     """Write first costs and sources with a rim of one, and the numbers of the unknown samples.
 
@@ -146,7 +146,7 @@ def spread(holes, lengths, sweeps, cols, cost, source):
             cost[at], source[at] = least, chosen
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def continue_surfaces(disparity, holes, source, moments, limits, out):
     """Write into each hole the plane through the surroundings of its source."""
     ridge, residual, noise, flatten, most_change = limits

@@ -25,7 +25,7 @@ def _mirrored(n, size):
     return min(folded, 2 * size - 2 - folded) if size > 1 else folded
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def odd_rim(disparity, radius, out):
     """Write the samples with a rim of twice the outermost minus the mirrored sample, then 0."""
     rows, cols = disparity.shape
@@ -41,7 +41,7 @@ def odd_rim(disparity, radius, out):
         out[y + radius, cols + 2 * radius :] = ZERO
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def patch_planes(powers, kernels, spread, cols, margin, planes):
     """Write the planes of the patches: value in the middle, slopes, mean squared deviation.
 
@@ -72,7 +72,7 @@ def patch_planes(powers, kernels, spread, cols, margin, planes):
             copy_row(planes[n, y, margin : margin + cols], across[n, :cols])
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def sharpen(disparity, planes, reach, limits, out):
     """Give every sample the mean of what the planar patches around say about it.
 
@@ -105,7 +105,7 @@ def sharpen(disparity, planes, reach, limits, out):
             out[y, x] = min(max(total[x] / weights[x], lowest), highest)
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def flatten(disparity, planes, residual, noise):
     """Replace planes that are none by the sample itself."""
     rows, cols = disparity.shape
@@ -117,7 +117,7 @@ def flatten(disparity, planes, residual, noise):
                 planes[2, y, x] = ZERO
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def choose_sides(disparity, planes, guide, rgb, limits, at_rows, at_cols, out):
     """Interpolate the planes on surfaces; at edges let the samples vote for a side.
 
@@ -164,7 +164,7 @@ def choose_sides(disparity, planes, guide, rgb, limits, at_rows, at_cols, out):
                     out[y, x] = _vote(samples, into_row[y], into_col[x], rgb[y, x], per_colour)
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _range_of_rows(disparity, j0, low, high):
     """Write the least and the greatest of the four rows around a gap, for each column."""
     rows, cols = disparity.shape
@@ -178,7 +178,7 @@ def _range_of_rows(disparity, j0, low, high):
             high[x] = max(high[x], row[x])
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _blend_rows(planes, cols, j0, into, middle, slope):
     """Blend the planes of the two rows around a row of pixels, for that row."""
     rows = planes.shape[1]
@@ -193,7 +193,7 @@ def _blend_rows(planes, cols, j0, into, middle, slope):
     middle[0], middle[cols + 1] = middle[1] - slope[1], middle[cols] + slope[cols]
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _gather(disparity, guide, j0, i0, far_below, near_above, samples):
     """Write of the 4×4 samples around a gap: row and column, disparity, colour, sides."""
     rows, cols = disparity.shape
@@ -214,7 +214,7 @@ def _gather(disparity, guide, j0, i0, far_below, near_above, samples):
             n += 1
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _vote(samples, into_row, into_col, colour, per_colour):
     """Return the disparity of the side that wins at one pixel."""
     red, green, blue = F(colour[0]), F(colour[1]), F(colour[2])

@@ -16,13 +16,13 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 OPAQUE = np.uint32(255 << 24)
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _mean(total, count):
     """Return the rounded mean of a few 8-bit numbers; float32 is exact enough, and fast."""
     return np.int32(np.float32(2 * total + count) / np.float32(2 * count) + np.float32(1e-3))
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _mean_before(disparity, rgba, y, x, dy, dx, before, jump, lag_px, colour_px):
     """Return the colour of the surface before the edge between (y - dy, x - dx) and (y, x).
 
@@ -49,7 +49,7 @@ def _mean_before(disparity, rgba, y, x, dy, dx, before, jump, lag_px, colour_px)
     return np.uint32(r) | np.uint32(g << 8) | np.uint32(b << 16) | OPAQUE
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _carry(disparity, y, x, dy, dx, reach_px, jump, to, steps):
     """Count steps from an edge into the foreground, until the background cannot be seen."""
     height, width = disparity.shape
@@ -70,7 +70,7 @@ def _carry(disparity, y, x, dy, dx, reach_px, jump, to, steps):
         x += dx
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def carry_background(disparity, rgba, reach_px, jump, lag_px, colour_px, steps, edge_rgba):
     """Carry the background into the foreground, from each edge to the right, left, down and up.
 
@@ -100,7 +100,7 @@ def carry_background(disparity, rgba, reach_px, jump, lag_px, colour_px, steps, 
                 _carry(disparity, j, i, dy, dx, reach_px, jump, side, steps)
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def join_background(disparity, steps, edge_rgba, jump, ladder, hidden, hidden_rgba):
     """Join what is carried: the disparity of the nearest edge, the colours of all that agree.
 
@@ -164,7 +164,7 @@ def _disparity_before(disparity, y, x, side, step):
     return disparity[j, i]
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def smooth_background(rgba, radius, smooth_rgba):
     """Average over a square the colours that are there (alpha 255), at the pixels that have one."""
     height, width = rgba.shape[0], rgba.shape[1] // 4

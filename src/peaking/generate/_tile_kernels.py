@@ -23,7 +23,7 @@ NOWHERE = -(1 << 17)
 """A split whose planes are none."""
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def packed_split(d, ladder):
     """Return the split of one disparity on the ascending ladder."""
     last = ladder.shape[0] - 1
@@ -42,7 +42,7 @@ def packed_split(d, ladder):
     return np.int32((low << 16) | int(part * np.float32(255.0) + np.float32(0.5)))
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def split_pixels(disparity, ladder, per_step, behind, opacity):
     """Write for every pixel the plane behind it and the opacity of the plane before."""
     height, width = disparity.shape
@@ -137,7 +137,7 @@ def number_tiles(held, index, places):
     return count
 
 
-@nb.njit(cache=True, fastmath=True)
+@nb.njit(cache=True)
 def _premultiplied(rgba, alpha):
     scale = F(alpha) * F(1.0 / 255.0)
     r = U32(I32(F(I32(rgba & U32(255))) * scale + F(0.5)))
@@ -146,7 +146,7 @@ def _premultiplied(rgba, alpha):
     return U32(r | U32(g << U32(8)) | U32(b << U32(16)) | U32(U32(alpha) << U32(24)))
 
 
-@nb.njit(cache=True, fastmath=True, parallel=True)
+@nb.njit(cache=True, parallel=True)
 def fill_tiles(seen, rgba, hidden, hidden_rgba, index, texels):
     """Write every texel of the numbered tiles.
 
