@@ -26,10 +26,21 @@ from splat.scenes_of_gaussians import HERE, cloud
 pytestmark = [pytest.mark.gpu, pytest.mark.filterwarnings("default")]
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
-COLOURS_AGREE = 2e-4
-"""float32 and fast exp against float64, for colours in 0…1: 99 of 100 pixels."""
+COLOURS_AGREE = 3e-6
+"""float32 and fast exp against float64, for colours and opacities in 0…1: 999 of 1000 pixels. At
+most 4.9e-7, of all pixels; 6.1e-7 in 200 views of other clouds (an H100, gsplat 1.5.3)."""
+DEPTHS_AGREE_M = 1e-5
+"""Where a pixel is solid; 2.0e-6 at most, 2.4e-6 in the 200 views."""
 CUT_OFF = 2 / 255
-"""What a pixel may differ by when a Gaussian is on the other side of a cut-off."""
+"""What a pixel may differ by when a Gaussian is on the other side of a cut-off. None was, there."""
+LOSSES_AGREE = 2e-6
+"""1.8e-7 at most, in ten steps from each of 21 places (an H100)."""
+MOVES_AGREE = 3e-3
+"""Of the longest way that a parameter has come, for 99 of 100 parameters; 2.7e-4 at worst."""
+PULLS_AGREE = 1e-3
+"""Of each; 1.2e-4 at most."""
+QUALITY_AGREES_DB = 0.3
+"""At worst 0.09 dB less than numba and 0.21 dB more, in 12 trainings with 4 seeds."""
 TILTED = Camera(
     Pinhole(53, 37, 40.0, 44.0, 20.0, 19.0),
     Rigid(np.array([[0.6, 0.0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-2.0, 0.1, 0.7])),
@@ -44,10 +55,10 @@ def test_views_agree_with_the_definition(camera: Camera, sh_degree: int) -> None
     seen = render(gaussians, camera, backend="gsplat")
     for ours, theirs in ((expected.rgb, seen.rgb), (expected.alpha, seen.alpha)):
         away = np.abs(ours - theirs)
-        assert np.quantile(away, 0.99) < COLOURS_AGREE
+        assert np.quantile(away, 0.999) < COLOURS_AGREE
         assert away.max() < CUT_OFF
     solid = expected.alpha > 0.5
-    assert np.quantile(np.abs(expected.depth_m - seen.depth_m)[solid], 0.99) < 1e-3
+    assert np.quantile(np.abs(expected.depth_m - seen.depth_m)[solid], 0.999) < DEPTHS_AGREE_M
 
 
 def test_steps_agree_with_the_processor() -> None:
@@ -60,12 +71,12 @@ def test_steps_agree_with_the_processor() -> None:
     cuda = GsplatOptimiser(Moments.fresh(rows.copy()), CutOffs())
     losses = [(cpu.step(frame, rates), cuda.step(frame, rates)) for _ in range(10)]
     for ours, theirs in losses:
-        assert theirs == pytest.approx(ours, abs=1e-4)
+        assert theirs == pytest.approx(ours, abs=LOSSES_AGREE)
     assert losses[-1][0] < losses[0][0]
     moved = cpu.moments().parameters - rows
     away = cuda.moments().parameters - cpu.moments().parameters
-    assert np.quantile(np.abs(away), 0.95) < 0.05 * np.abs(moved).max()
-    np.testing.assert_allclose(cuda.pulls(), cpu.pulls(), rtol=0.05, atol=1e-6)
+    assert np.quantile(np.abs(away), 0.99) < MOVES_AGREE * np.abs(moved).max()
+    np.testing.assert_allclose(cuda.pulls(), cpu.pulls(), rtol=PULLS_AGREE, atol=1e-8)
 
 
 def test_trains_the_sample_scene_as_well_as_the_processor(
@@ -85,7 +96,7 @@ def test_trains_the_sample_scene_as_well_as_the_processor(
         said = f"{backend}: {reached[backend]:.2f} dB, {len(gaussians)} Gaussians, {seconds:.1f} s"
         with capsys.disabled():
             sys.stdout.write(f"\n{said}\n")
-    assert reached["gsplat"] > reached["numba"] - 0.5
+    assert reached["gsplat"] > reached["numba"] - QUALITY_AGREES_DB
 
 
 def _quality(gaussians: Gaussians, frame: Frame) -> float:
