@@ -19,12 +19,12 @@ from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
 from peaking.render import render
 
-SAME_AS_PROCESSOR = 5e-2
+SAME_AS_PROCESSOR = 5e-3
 """Of densities up to 11; TF32 is off. 9.6e-4 on an H100 (PyTorch 2.11)."""
 
-LEAST_PSNR_DB = {"float32": 50.0, "bfloat16": 25.0, "float16": 35.0}
+LEAST_PSNR_DB = {"float32": 55.0, "bfloat16": 48.0, "float16": 54.0}
 """Of the MPI made on CUDA, rendered 5 cm aside, against the one made on a processor; 62.6, 55.0 and
-61.5 dB on an H100."""
+61.5 dB on an H100, in two runs. float32 has PyTorch's default, TF32, for its convolutions."""
 
 NUM_PLANES = 8
 
