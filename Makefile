@@ -7,6 +7,8 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 TORCH := .venv/.torch
 CLIENT := src/peaking/server/client/index.html
+# Schemathesis gives the tests of all addresses one id, and of those pytest-xdist would run one.
+SHARED_IDS := tests/server/test_openapi.py
 CLIENT_SOURCES := $(wildcard web/*.html web/*.json web/*.ts) $(shell find web/src -type f)
 
 help:  ## Show this list
@@ -45,7 +47,8 @@ replay: install  ## Replay the sample scene; ends with the path of a report
 test: install check  ## Pass all checks and tests, those in a real browser too
 	@scripts/install_browser
 	@scripts/with_node npm --prefix web run --silent test
-	@$(BIN)/pytest
+	@$(BIN)/pytest -n 2 --dist loadfile --ignore $(SHARED_IDS)
+	@$(BIN)/pytest $(SHARED_IDS)
 
 check: install torch  ## Check style and types
 	@$(BIN)/ruff check
