@@ -6,16 +6,11 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from peaking.depth._row_kernels import add_scaled
+from peaking.depth._row_kernels import add_levered, add_powers, add_scaled
 
 F = np.float32
 UNREACHED = 2**30
 ZERO, ONE = F(0.0), F(1.0)
-
-DOWN = (0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)
-"""Sums over columns that moments are made of: the power of d, and the power of y."""
-ACROSS = (0, 0), (0, 1), (1, 0), (0, 2), (2, 0), (1, 1), (3, 0), (3, 1), (4, 0), (5, 0)
-"""Moments: which of `DOWN`, and the power of x."""
 
 
 @nb.njit(cache=True, parallel=True)
@@ -50,27 +45,34 @@ def reduce(disparity, same_surface, first_row, first_col, out):
 
 
 @nb.njit(cache=True, parallel=True)
-def moments(powers, levers, out):
+def moments(powers, radius, out):
     """Write the ten moments of the known samples in the square around each.
 
     They are the sums of 1, x, y, x², y², xy, d, xd, yd, d². `powers` are 1, d and d² where d is
-    known, else 0; `levers` the powers 0 to 2 of the distances in the square.
+    known, else 0.
     """
     rows, wide = powers.shape[1:]
-    side = levers.shape[1]
-    radius = side // 2
+    first, last = radius, radius + wide
     for line in nb.prange(rows):
-        y = np.int64(line)
-        down = np.zeros((len(DOWN), 2 * radius + wide), F)
-        for j in range(max(y - radius, 0), min(y + radius + 1, rows)):
-            for n in range(len(DOWN)):
-                row = down[n, radius : radius + wide]
-                add_scaled(row, powers[DOWN[n][0], j], levers[DOWN[n][1], j - y + radius])
-        out[:, y] = ZERO
-        for k in range(side):
-            for n in range(len(ACROSS)):
-                row = down[ACROSS[n][0], k : k + wide]
-                add_scaled(out[n, y], row, levers[ACROSS[n][1], k])
+        row = np.int64(line)
+        # Over columns: 1, y, y², d, yd, d².
+        down = np.zeros((6, 2 * radius + wide), F)
+        n, y, yy = down[0, first:last], down[1, first:last], down[2, first:last]
+        d, yd, dd = down[3, first:last], down[4, first:last], down[5, first:last]
+        for j in range(max(row - radius, 0), min(row + radius + 1, rows)):
+            lever = F(j - row)
+            add_powers(n, y, yy, powers[0, j], lever)
+            add_levered(d, yd, powers[1, j], lever)
+            add_scaled(dd, powers[2, j], ONE)
+        out[:, row] = ZERO
+        for k in range(2 * radius + 1):
+            lever, end = F(k - radius), k + wide
+            add_powers(out[0, row], out[1, row], out[3, row], down[0, k:end], lever)
+            add_levered(out[2, row], out[5, row], down[1, k:end], lever)
+            add_scaled(out[4, row], down[2, k:end], ONE)
+            add_levered(out[6, row], out[7, row], down[3, k:end], lever)
+            add_scaled(out[8, row], down[4, k:end], ONE)
+            add_scaled(out[9, row], down[5, k:end], ONE)
 
 
 @nb.njit(cache=True)

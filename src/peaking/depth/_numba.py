@@ -45,8 +45,7 @@ def fill_holes(disparity, guide, colour, noise):
     powers = np.zeros((3, rows, padded_size(cols)), F)
     powers[0, :, :cols], powers[1, :, :cols], powers[2, :, :cols] = known, disparity, disparity**2
     moments = np.empty((10, *powers.shape[1:]), F)
-    away = np.arange(-defined.SLOPE_RADIUS, defined.SLOPE_RADIUS + 1, dtype=F)
-    fill.moments(powers, np.stack([away**0, away, away**2]), moments)
+    fill.moments(powers, defined.SLOPE_RADIUS, moments)
     limits = (
         F(defined.SLOPE_RIDGE),
         F(defined.SLOPE_RESIDUAL**2),

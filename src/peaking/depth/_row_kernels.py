@@ -29,6 +29,24 @@ def add_scaled(total, row, weight):
 
 
 @nb.njit(cache=True)
+def add_levered(total, first, row, lever):
+    """Add a row to one of whole blocks, and times a lever to a second."""
+    for n in range(total.shape[0]):
+        total[n] += row[n]
+        first[n] += lever * row[n]
+
+
+@nb.njit(cache=True)
+def add_powers(total, first, second, row, lever):
+    """Add a row to one of whole blocks, and times a lever and its square to two others."""
+    for n in range(total.shape[0]):
+        levered = lever * row[n]
+        total[n] += row[n]
+        first[n] += levered
+        second[n] += lever * levered
+
+
+@nb.njit(cache=True)
 def copy_row(to, row):
     """Write a row over another; an assignment of slices takes seconds to compile."""
     for n in range(to.shape[0]):
