@@ -6,7 +6,7 @@ done one by one. So rows are padded to whole blocks.
 
 None of these kernels, nor those of `generate`, is compiled with fastmath: numba compiles a kernel
 differently when it is called at once than when it comes from the cache, and only exact arithmetic
-gives the same MPI in every process, to the last bit. It costs nothing that can be measured.
+gives the same MPI in every process of a machine, to the last bit. It costs some 0.3 of 14 ms.
 """
 
 from __future__ import annotations
