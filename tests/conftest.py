@@ -1,5 +1,6 @@
 """Shapes and types of every annotated function of the package are checked while tests run."""
 
+from collections import Counter
 from typing import Any
 
 import pytest
@@ -23,9 +24,9 @@ settings.register_profile("peaking", deadline=None, report_multiple_bugs=False, 
 settings.load_profile("peaking")
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Refuse tests that share an id where pytest-xdist is at work: it would run one of them."""
-    ids = [item.nodeid for item in items]
-    twice = {one for one in ids if ids.count(one) > 1} if len(set(ids)) < len(ids) else set[str]()
-    if twice and hasattr(config, "workerinput"):
-        raise pytest.UsageError(f"run these without -n, they share ids: {', '.join(sorted(twice))}")
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(ids: list[str]) -> None:
+    """Refuse tests that share an id: pytest-xdist would run one of them."""
+    twice = sorted(one for one, count in Counter(ids).items() if count > 1)
+    if twice:
+        pytest.exit(f"run these without -n, they share ids: {', '.join(twice)}", 4)
