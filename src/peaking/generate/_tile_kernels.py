@@ -7,6 +7,9 @@ picture is (y + 1, x + 1) there, and every tile is a square of them. Per pixel t
 - a split: the plane behind in the upper 16 bits, the opacity of the plane before it in the lower
   8; negative where there is no pixel;
 - a colour: RGBA in the bytes of a uint32.
+
+Numba's cache does not see that another file has changed: after a change of `packed_split`, touch
+`_background_kernels.py` too.
 """
 
 from __future__ import annotations
@@ -28,9 +31,9 @@ def packed_split(d, ladder):
     """Return the split of one disparity on the ascending ladder."""
     last = ladder.shape[0] - 1
     if d <= ladder[0]:
-        return np.int32(0)
+        return I32(0)
     if d >= ladder[last]:
-        return np.int32(((last - 1) << 16) | 255)
+        return I32(((last - 1) << 16) | 255)
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) >> 1
@@ -39,7 +42,7 @@ def packed_split(d, ladder):
         else:
             high = middle
     part = (d - ladder[low]) / (ladder[low + 1] - ladder[low])
-    return np.int32((low << 16) | int(part * np.float32(255.0) + np.float32(0.5)))
+    return I32((low << 16) | int(part * F(255.0) + F(0.5)))
 
 
 @nb.njit(cache=True, parallel=True)
@@ -63,13 +66,13 @@ def split_pixels(disparity, ladder, per_step, behind, opacity):
             while below < last and ladder[below + 1] <= most:
                 below += 1
                 for x in range(block.shape[0]):
-                    planes[x] += np.int32(block[x] >= ladder[below])
+                    planes[x] += I32(block[x] >= ladder[below])
         for x in range(width):
             k = plane[x]
             part = (row[x] - ladder[k]) * per_step[k]
-            part = min(max(part, np.float32(0.0)), np.float32(1.0))
+            part = min(max(part, F(0.0)), F(1.0))
             behind[y, x] = k
-            opacity[y, x] = np.uint8(part * np.float32(255.0) + np.float32(0.5))
+            opacity[y, x] = np.uint8(part * F(255.0) + F(0.5))
 
 
 @nb.njit(cache=True, parallel=True)
@@ -81,9 +84,9 @@ def pack_pixels(behind, opacity, lowest, underlap, seen, hidden):
     height, width = behind.shape
     for y in nb.prange(height):
         for x in range(width):
-            plane = np.int32(behind[y, x])
-            below = min(plane - min(plane, np.int32(lowest[y, x])), underlap)
-            seen[y + 1, x + 1] = (plane << 16) | (below << 8) | np.int32(opacity[y, x])
+            plane = I32(behind[y, x])
+            below = min(plane - min(plane, I32(lowest[y, x])), underlap)
+            seen[y + 1, x + 1] = (plane << 16) | (below << 8) | I32(opacity[y, x])
             deep = hidden[y + 1, x + 1]
             hidden[y + 1, x + 1] = NOWHERE if (deep >> 16) + 1 >= plane - below else deep
 
