@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from peaking.cli import main
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.mpi_file import read_mpi
 from recordings import write_recording
 
