@@ -1,6 +1,6 @@
 # All that people and CI call. `make demo` and `make test` do their own set-up.
-.PHONY: help install torch client wire style check fix test release-check bench quality demo replay \
-  clean
+.PHONY: help install torch client wire style check fix test docs release-check bench quality demo \
+  replay clean
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3.11
@@ -47,7 +47,7 @@ replay: install  ## Replay the sample scene; ends with the path of a report
 	@rm -rf out/replay
 	@$(BIN)/peaking replay scenes/desk --out out/replay
 
-test: style torch  ## Pass all checks and tests, those in a real browser too
+test: style torch docs  ## Pass all checks and tests, those in a real browser too
 	@$(BIN)/pyright
 	@scripts/install_browser
 	@scripts/with_node npm --prefix web run --silent test
@@ -56,7 +56,7 @@ test: style torch  ## Pass all checks and tests, those in a real browser too
 	@$(BIN)/python scripts/check_release.py
 
 check: style  ## Check style and types, without PyTorch
-	@grep -rLE --include='*.py' '$(NEED_TORCH)' src tests | xargs $(BIN)/pyright
+	@grep -rLE --include='*.py' '$(NEED_TORCH)' src tests examples | xargs $(BIN)/pyright
 
 style: install
 	@$(BIN)/ruff check
@@ -66,6 +66,11 @@ style: install
 fix: install  ## Mend style where it can be done by itself
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
+
+docs: install  ## Write the library's pages, from its docstrings, into out/docs
+	@$(BIN)/python -W error -m pdoc --docformat google --no-show-source --output-directory out/docs \
+	  peaking '!peaking.'
+	@echo "docs: out/docs/peaking.html"
 
 release-check: install  ## Build the release, install it without Node.js, and try it
 	@$(BIN)/python scripts/check_release.py
