@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -101,7 +100,7 @@ class LocalLightField:
             WeightsError: Its weights are missing or cannot be used.
         """
         self.options = options
-        self.stopwatch = stopwatch or Stopwatch(time.perf_counter)
+        self.stopwatch = stopwatch or Stopwatch()
         self.views: list[Mpi] = []
         self.guessed: set[int] = set()
         """Numbers of the views whose scale is a guess, until a neighbour aligns them."""

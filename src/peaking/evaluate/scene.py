@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -51,6 +51,7 @@ class Scene:
         *,
         most_mpis: int = MOST_MPIS,
         shared: Path | None = None,
+        clock_s: Callable[[], float] = time.process_time,
     ) -> None:
         """Look at a recording with the method's options.
 
@@ -60,8 +61,9 @@ class Scene:
             most_mpis: So many are in memory at once.
             shared: Folder for MPIs that other processes make or need too; none: those that are not
                 in memory are made again.
+            clock_s: Of the stages.
         """
-        self.stopwatch = Stopwatch(time.process_time)
+        self.stopwatch = Stopwatch(clock_s)
         """Takes the processor time of reading, generating and rendering; not that of the rest."""
         self.mpis_made = 0
         self._smaller: dict[int, Scene] = {}

@@ -7,7 +7,6 @@ section 4.2). With a guide, the frames at its targets are, whatever is red (`gui
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,7 +100,7 @@ def walk(
     Raises:
         RecordingError: A frame cannot be read, or no frame has depth.
     """
-    stopwatch = Stopwatch(time.perf_counter)
+    stopwatch = Stopwatch()
     scene = LocalLightField(plan.options, stopwatch=stopwatch)
     for index in progress(range(plan.num_frames)):
         with stopwatch.stage("read"):
