@@ -95,18 +95,28 @@ def test_threshold_knows_only_the_past(scene: Scene) -> None:
     assert first_half == tuple(i for i in whole if i < NUM_FRAMES // 2)
 
 
-def test_what_is_held_follows_from_the_frames_seen_so_far(scene: Scene) -> None:
-    """Two keepers that see the same frames hold the same views, whatever comes later."""
-    kept: list[list[int]] = []
-    for _ in range(2):
-        keeper = Keeper(scene)
-        for i in range(10):
+def test_what_is_held_follows_from_the_frames_seen_so_far(scene: Scene, tmp_path: Path) -> None:
+    """Two walks that begin alike hold the same views until they part, and others afterwards."""
+    alike = 10
+    back = np.array([0.0, 0.0, -0.3])
+    parted = [
+        replace(camera, world_from_cam=Rigid(np.eye(3), camera.position_m + k * back))
+        for k, camera in enumerate(scene.cameras[alike:], start=1)
+    ]
+    write_recording(tmp_path / "parted", cameras=[*scene.cameras[:alike], *parted])
+    other = Scene(open_recording(tmp_path / "parted"), SMALL)
+    when_they_part, at_the_end = [], []
+    for walked in (scene, other):
+        keeper = Keeper(walked)
+        for i in range(NUM_FRAMES):
             keeper.offer(i)
             if len(keeper.held) > 4:
                 keeper.let_go()
-        kept.append(list(keeper.held))
-    assert kept[0] == kept[1]
-    assert max(kept[0]) <= 9
+            if i == alike - 1:
+                when_they_part.append(list(keeper.held))
+        at_the_end.append(list(keeper.held))
+    assert when_they_part[0] == when_they_part[1]
+    assert at_the_end[0] != at_the_end[1]
 
 
 def test_who_stands_still_keeps_one_view(tmp_path: Path) -> None:
