@@ -1,7 +1,9 @@
 /** What a study records of a guide. */
 
 import type { GuideState } from '../guidance/guide_session';
-import type { GuideNews } from './capture_study';
+
+/** `scanned`: the guide has seen the scene; and the numbers that it shows. */
+export type GuideNews = Readonly<Record<string, number | boolean>>;
 
 /** Numbers are told when the scan is over: until then they are on their way. */
 export function guideNews(state: GuideState): GuideNews {

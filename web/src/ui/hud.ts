@@ -5,20 +5,15 @@ import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import { Coach, STEPS } from './coach';
 import { button, make, say, show } from './dom';
+import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
 import { percent, ShareHistory } from './share_graph';
-import { finishSheet, settingsSheet, viewsSheet, type Sheet } from './sheets';
+import { finishSheet, settingsSheet, viewsSheet, type Sheet, type SheetActions } from './sheets';
 
-export interface HudActions {
+export interface HudActions extends SheetActions {
   shoot(): void;
-  undo(id: string): void;
   /** The last one that is there now, which may be ahead of what is shown. */
   undoLast(): void;
-  retry(id: string): void;
-  setLook(look: Look): void;
-  finish(name: string): void;
-  newSession(): void;
-  readonly datasetUrl: string;
 }
 
 export interface HudState {
@@ -30,20 +25,6 @@ export interface HudState {
   readonly notice: string | null;
   readonly canShoot: boolean;
   readonly sessionName: string;
-}
-
-/** What a study changes of the controls. */
-export interface StudyHud {
-  /** Whether anything red, or about red, may be seen. */
-  readonly showsRed: boolean;
-  readonly finishLabel: string;
-  /** Views may be taken, and taken back. */
-  readonly mayShoot: boolean;
-  /** The shutter does something. */
-  readonly mayPress: boolean;
-  /** Something lies over the picture: keys are not for it. */
-  readonly busy: boolean;
-  finish(): void;
 }
 
 const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
@@ -84,8 +65,7 @@ export class Hud {
   #numberAt_ms = -Infinity;
 
   constructor(
-    root: HTMLElement, actions: HudActions, replay: ReplayControls | null,
-    readonly study: StudyHud | null = null,
+    root: HTMLElement, actions: HudActions, replay: ReplayControls | null, readonly rules: HudRules,
   ) {
     this.#root = root;
     this.#actions = actions;
@@ -99,8 +79,8 @@ export class Hud {
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
       this.#coachSteps, button('', '✕', 'Hide the steps', () => this.#endCoach()));
-    // Every participant sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || study !== null) this.#coach.step = STEPS.length;
+    // Without help everybody sees the same, whatever others did on this phone.
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.step = STEPS.length;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -114,7 +94,7 @@ export class Hud {
     root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
       this.#coachBox, bottom);
     this.#red = [meter, looks];
-    show(tools, study === null);
+    show(tools, rules.offersHelp);
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
@@ -135,18 +115,7 @@ export class Hud {
       const pressed = String(overlay === state.look.overlay);
       if (each.ariaPressed !== pressed) each.ariaPressed = pressed;
     }
-    if (this.study !== null) {
-      say(this.#finish, this.study.finishLabel);
-      if (this.#finish.ariaLabel !== null) {
-        // What is read out is what is seen.
-        this.#finish.removeAttribute('aria-label');
-        this.#finish.removeAttribute('title');
-      }
-      for (const each of this.#red) show(each, this.study.showsRed);
-      this.#shutter.classList.toggle('away', !this.study.mayPress);
-      show(this.#count, this.study.mayShoot);
-      show(this.#strip, this.study.mayShoot);
-    }
+    this.#follow(this.rules);
     if (state.views !== this.#shownViews) this.#showViews(state.views);
     this.#showCoach(state);
     this.#showPlayer();
@@ -159,6 +128,21 @@ export class Hud {
     void this.#flash.offsetWidth; // begins the animation anew
     this.#flash.classList.add('on');
     navigator.vibrate?.(30);
+  }
+
+  #follow({ finishLabel, showsRed, mayShoot, mayPress }: HudRules): void {
+    if (finishLabel !== null) {
+      say(this.#finish, finishLabel);
+      if (this.#finish.ariaLabel !== null) {
+        // What is read out is what is seen.
+        this.#finish.removeAttribute('aria-label');
+        this.#finish.removeAttribute('title');
+      }
+    }
+    for (const each of this.#red) show(each, showsRed);
+    this.#shutter.classList.toggle('away', !mayPress);
+    show(this.#count, mayShoot);
+    show(this.#strip, mayShoot);
   }
 
   #shoot(): void {
@@ -208,7 +192,7 @@ export class Hud {
   }
 
   #setOverlay(overlay: Overlay): void {
-    if (this.study?.showsRed === false) return;
+    if (!this.rules.showsRed) return;
     if (this.#state !== null) this.#actions.setLook({ ...this.#state.look, overlay });
   }
 
@@ -216,7 +200,7 @@ export class Hud {
     this.#close();
     const state = this.#state;
     if (state === null) return;
-    if (which === 'finish' && this.study !== null) return this.study.finish();
+    if (which === 'finish' && this.rules.finish !== null) return this.rules.finish();
     const close = (): void => this.#close();
     switch (which) {
       case 'views': this.#sheet = viewsSheet(state.views, this.#actions, close); break;
@@ -264,16 +248,16 @@ export class Hud {
   }
 
   #key(event: KeyboardEvent): void {
-    if (this.study?.busy === true) return;
+    if (this.rules.covered) return;
     const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
     const action = actionOfKey(event, typing);
     if (action === null) return;
     switch (action.kind) {
       case 'shoot': this.#shoot(); break;
-      case 'undo': if (this.study?.mayShoot !== false) this.#actions.undoLast(); break;
+      case 'undo': if (this.rules.mayShoot) this.#actions.undoLast(); break;
       case 'look': this.#setOverlay(action.overlay); break;
       case 'finish': this.#open('finish'); break;
-      case 'help': if (this.study === null) this.#restartCoach(); break;
+      case 'help': if (this.rules.offersHelp) this.#restartCoach(); break;
       case 'step': this.#replay?.step(action.frames); break;
       case 'close': this.#close(); return;
       default: action satisfies never;
