@@ -9,11 +9,11 @@ import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
 import { LiveView, type Hindrance } from './live_view';
 import { Api } from './server/api';
-import type { FrameSource } from './sources/frame_source';
+import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
-import { Hud } from './ui/hud';
+import { Hud, type HudState } from './ui/hud';
 import { UNRESTRICTED } from './ui/hud_rules';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import type { ServerInfo } from './wire';
@@ -111,24 +111,29 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   window.peaking = inspectionOf(live, session, phone, guide);
 
   const notices = new Notices(info, api);
-  const onFrame = (frame: Parameters<LiveView['draw']>[0]): void => {
+  // Written anew at every frame, in which nothing is made.
+  const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
+    time_ms: 0, look: live.look, peakedShare: null, views: [], notice: null, canShoot: false,
+    sessionName: '',
+  };
+  const onFrame = (frame: LiveFrame): void => {
     live.draw(frame);
     if (extension?.showsGuide !== false) guide?.draw(frame);
     const { seen, hindrance, camera } = live.state;
     const { trouble, storageProblem, name, views } = session.snapshot;
-    hud.show({
-      time_ms: frame.time_ms,
-      look: live.look,
-      peakedShare: seen?.peakedShare ?? null,
-      views,
-      notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
-      canShoot: hindrance === null && (guide?.canPress ?? true) && rules.mayPress,
-      sessionName: name,
-    });
+    shown.time_ms = frame.time_ms;
+    shown.look = live.look;
+    shown.peakedShare = seen?.peakedShare ?? null;
+    shown.views = views;
+    shown.notice = notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble);
+    shown.canShoot = hindrance === null && (guide?.canPress ?? true) && rules.mayPress;
+    shown.sessionName = name;
+    hud.show(shown);
     extension?.onFrame(guide?.state ?? null);
-    if (camera !== null && seen?.peakedShare != null) {
+    const time_s = Date.now() / 1000;
+    if (camera !== null && seen?.peakedShare != null && session.wantsPeaked(time_s)) {
       session.reportPeaked({
-        time_s: Date.now() / 1000,
+        time_s,
         peaked_share: seen.peakedShare,
         missing_share: seen.missingShare ?? 0,
         views: views.length,

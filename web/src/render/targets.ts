@@ -7,7 +7,7 @@ import { ReadBack, Target } from './target';
 /** The result is counted in so many blocks. */
 export const BLOCKS = { x: 16, y: 16 };
 /** Views that a shader can blend. */
-export const MOST_VIEWS = 8;
+export const MAX_VIEWS = 8;
 
 /** A picture of one MPI. */
 export interface RenderedView {
@@ -48,8 +48,8 @@ export class Targets implements Disposable {
     this.result = ofView();
     this.shown = ofView();
     this.shownBefore = ofView();
-    this.blendedFrom = new Array<Target | null>(MOST_VIEWS).fill(null);
-    this.weights = new Float32Array(MOST_VIEWS);
+    this.blendedFrom = new Array<Target | null>(MAX_VIEWS).fill(null);
+    this.weights = new Float32Array(MAX_VIEWS);
     this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
     this.countsBack = new ReadBack(gl, this.counts);
     this.grid = new Target(
@@ -58,7 +58,9 @@ export class Targets implements Disposable {
   }
 
   swapShown(): void {
-    [this.shown, this.shownBefore] = [this.shownBefore, this.shown];
+    const { shown } = this;
+    this.shown = this.shownBefore;
+    this.shownBefore = shown;
   }
 
   [Symbol.dispose](): void {

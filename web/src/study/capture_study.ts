@@ -9,7 +9,7 @@ import type { Look } from '../render/view_renderer';
 import type { CaptureExtension, CapturePage, ExtensionRequest } from '../extension';
 import type { GuideState } from '../guidance/guide_session';
 import { make } from '../ui/dom';
-import { CaptureRecord } from './capture_record';
+import { CaptureRecord, type Moment } from './capture_record';
 import { paragraphs } from './form';
 import './form.css';
 import { guideNews, type GuideNews } from './guide_news';
@@ -44,6 +44,13 @@ class StudyCapture implements CaptureExtension {
   readonly #outbox: Outbox;
   readonly #sheet = make('section', { className: 'study-sheet', hidden: true });
   readonly #shownNumbers = new Map<string, number>();
+  readonly #moment: Moment = {
+    now_s: 0, canShoot: false, camera: null, peakedShare: null, missingShare: null, views: 0,
+  };
+  /** How far the timeline was looked through. */
+  #noted = -1;
+  #heardTaken: GuideState['takenBy'] | null = null;
+  #heardBound: GuideState['bound'] = null;
   #step: ShownStep;
   #shown = '';
   #record: CaptureRecord | null = null;
@@ -112,20 +119,23 @@ class StudyCapture implements CaptureExtension {
   }
 
   onFrame(guide: GuideState | null): void {
-    if (guide !== null) this.#hearGuide(guideNews(guide));
+    if (guide !== null) this.#hearGuide(guide);
     const live = this.#live;
     if (live === null || this.#record === null) return;
     const { seen, hindrance, camera } = live.state;
     const time_s = now_s();
-    this.#record.joined(live.timeline.all(), time_s - performance.now() / 1000);
-    this.#record.see({
-      now_s: time_s,
-      canShoot: hindrance === null,
-      camera,
-      peakedShare: seen?.peakedShare ?? null,
-      missingShare: seen?.missingShare ?? null,
-      views: this.#session?.views.length ?? 0,
-    });
+    if (live.timeline.noted !== this.#noted) {
+      this.#noted = live.timeline.noted;
+      this.#record.joined(live.timeline.all(), time_s - performance.now() / 1000);
+    }
+    const moment = this.#moment;
+    moment.now_s = time_s;
+    moment.canShoot = hindrance === null;
+    moment.camera = camera;
+    moment.peakedShare = seen?.peakedShare ?? null;
+    moment.missingShare = seen?.missingShare ?? null;
+    moment.views = this.#session?.views.length ?? 0;
+    this.#record.see(moment);
     if (!this.#record.running || Math.abs(time_s - this.#alive_s) < ALIVE_EVERY_S) return;
     this.#alive_s = time_s;
     localStorage.setItem(aliveKey(this.api.participant, this.#step), String(time_s));
@@ -223,16 +233,25 @@ class StudyCapture implements CaptureExtension {
       : { ...look, overlay: 'video', peakOpacity: 0 };
   }
 
-  #hearGuide(news: GuideNews): void {
+  #hearGuide(guide: GuideState): void {
+    if (guide.phase === 'scan') return;
+    if (guide.takenBy !== this.#heardTaken || guide.bound !== this.#heardBound) {
+      this.#heardTaken = guide.takenBy;
+      this.#heardBound = guide.bound;
+      this.#tellGuide(guideNews(guide));
+    }
+    if (this.#step.kind === 'scan') void this.#finish();
+  }
+
+  #tellGuide(news: GuideNews): void {
     for (const [name, value] of Object.entries(news)) {
-      if (typeof value !== 'number' || this.#shownNumbers.get(name) === value) continue;
+      if (this.#shownNumbers.get(name) === value) continue;
       this.#shownNumbers.set(name, value);
       this.#outbox.put({
         kind: 'GuideTold', id: crypto.randomUUID(), step: this.#step.key, time_s: now_s(), name,
         value,
       });
     }
-    if (news['scanned'] === true && this.#step.kind === 'scan') void this.#finish();
   }
 
   /** @param whole Over the whole picture, or from its lower edge. */

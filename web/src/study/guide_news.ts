@@ -2,14 +2,12 @@
 
 import type { GuideState } from '../guidance/guide_session';
 
-/** `scanned`: the guide has seen the scene; and the numbers that it shows. */
-export type GuideNews = Readonly<Record<string, number | boolean>>;
+/** The numbers that a guide shows, by name. */
+export type GuideNews = Readonly<Record<string, number>>;
 
-/** Numbers are told when the scan is over: until then they are on their way. */
+/** Of a scan that is over: until then the numbers are on their way. */
 export function guideNews(state: GuideState): GuideNews {
-  if (state.phase === 'scan') return { scanned: false };
   return {
-    scanned: true,
     targets: state.takenBy.length,
     targets_taken: state.taken,
     ...(state.zMin_m !== null && { z_min_m: state.zMin_m }),

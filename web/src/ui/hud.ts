@@ -3,7 +3,7 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
-import { Coach, STEPS } from './coach';
+import { Coach, STEPS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
@@ -16,6 +16,7 @@ export interface HudActions extends SheetActions {
   undoLast(): void;
 }
 
+/** The object may be used again for the next frame; `look` and `views` are new when they change. */
 export interface HudState {
   readonly time_ms: number;
   readonly look: Look;
@@ -41,6 +42,7 @@ export class Hud {
   readonly #actions: HudActions;
   readonly #history = new ShareHistory();
   readonly #coach = new Coach();
+  readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
   readonly #share = make('strong', {}, '–');
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
@@ -59,9 +61,12 @@ export class Hud {
   readonly #scrub = make('input', { type: 'range', min: '0', step: '1', value: '0' });
   readonly #position = make('output');
   #play: HTMLButtonElement | null = null;
+  #shownFrame = -1;
+  #shownCount = -1;
   #sheet: Sheet | null = null;
   #state: HudState | null = null;
   #shownViews: readonly CapturedView[] = [];
+  #shownLook: Look | null = null;
   #numberAt_ms = -Infinity;
 
   constructor(
@@ -111,10 +116,7 @@ export class Hud {
     say(this.#notice, state.notice ?? '');
     show(this.#notice, state.notice !== null);
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
-    for (const [overlay, each] of this.#looks) {
-      const pressed = String(overlay === state.look.overlay);
-      if (each.ariaPressed !== pressed) each.ariaPressed = pressed;
-    }
+    if (state.look !== this.#shownLook) this.#showLook(state.look);
     this.#follow(this.rules);
     if (state.views !== this.#shownViews) this.#showViews(state.views);
     this.#showCoach(state);
@@ -149,8 +151,15 @@ export class Hud {
     if (this.#state?.canShoot === true) this.#actions.shoot();
   }
 
+  #showLook(look: Look): void {
+    this.#shownLook = look;
+    for (const [overlay, each] of this.#looks) each.ariaPressed = String(overlay === look.overlay);
+  }
+
   #showViews(views: readonly CapturedView[]): void {
     this.#shownViews = views;
+    this.#moment.views = views.length;
+    this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, views.length === 1 ? '1 view' : `${views.length} views`);
     this.#strip.replaceChildren(...views.map((view, i) => {
       const thumb = make('button', {
@@ -165,11 +174,8 @@ export class Hud {
 
   #showCoach(state: HudState): void {
     const before = this.#coach.step;
-    this.#coach.update({
-      views: state.views.length,
-      ready: state.views.filter((view) => view.state === 'ready').length,
-      peakedShare: state.peakedShare,
-    });
+    this.#moment.peakedShare = state.peakedShare;
+    this.#coach.update(this.#moment);
     if (this.#coach.done && before < STEPS.length) this.#endCoach();
     const step = STEPS[this.#coach.step];
     show(this.#coachBox, step !== undefined && this.#sheet === null);
@@ -241,10 +247,14 @@ export class Hud {
   #showPlayer(): void {
     const controls = this.#replay;
     if (controls === null) return;
-    this.#scrub.max = String(Math.max(controls.count - 1, 0));
-    if (this.#scrub.value !== String(controls.index)) this.#scrub.value = String(controls.index);
-    say(this.#position, `${controls.index + 1}/${controls.count}`);
     if (this.#play !== null) say(this.#play, controls.playing ? '⏸' : '▶');
+    const { index, count } = controls;
+    if (index === this.#shownFrame && count === this.#shownCount) return;
+    this.#shownFrame = index;
+    this.#shownCount = count;
+    this.#scrub.max = String(Math.max(count - 1, 0));
+    this.#scrub.value = String(index);
+    say(this.#position, `${index + 1}/${count}`);
   }
 
   #key(event: KeyboardEvent): void {
