@@ -25,8 +25,40 @@ Size = Annotated[int, Meta(ge=1, le=8192)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
-MOST_POINTS = 20_000
+
+# Numbers that both languages need. TypeScript has them from here.
+
+MAX_POINTS = 20_000
 """Tracked points that come with one capture."""
+
+MAX_NEIGHBOURS = 8
+"""Views that a client blends; `Options.neighbours` is never more."""
+
+MAX_GUIDED_TARGETS = 400
+"""Targets that a person is asked to reach; a guide that needs more is refused."""
+
+PAPER_PEAKED_SHARE = 0.0428
+"""The paper's mean peaked share: below it, a view from here would not have been worth it."""
+
+PING_S = 10.0
+"""A stream of events says something at least this often."""
+
+SILENCE_S = 35.0
+"""A client that hears nothing for so long takes the connection for dead, and connects again."""
+
+SETTLING_S = 0.2
+"""Time constant with which what is shown follows what is measured, so that nothing flashes."""
+
+CONSTANTS = (
+    "PROTOCOL",
+    "MAX_POINTS",
+    "MAX_NEIGHBOURS",
+    "MAX_GUIDED_TARGETS",
+    "PAPER_PEAKED_SHARE",
+    "PING_S",
+    "SILENCE_S",
+    "SETTLING_S",
+)
 
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
@@ -82,7 +114,7 @@ class CaptureHeader(Struct, frozen=True):
     """When the shutter was pressed, seconds since 1970, by the phone's clock."""
     photo_bytes: Annotated[int, Meta(ge=1, le=64_000_000)]
     depth: DepthLayout | None = None
-    points: Annotated[int, Meta(ge=0, le=MOST_POINTS)] = 0
+    points: Annotated[int, Meta(ge=0, le=MAX_POINTS)] = 0
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
 
 
@@ -175,7 +207,7 @@ class Options(Struct, frozen=True):
 
     pixels: int
     num_planes: int
-    neighbours: int
+    neighbours: Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)]
     weights: Literal["paper", "overlap"]
     opacity: Literal["paper", "seen"]
     error_threshold: float

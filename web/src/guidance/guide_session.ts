@@ -8,7 +8,7 @@ import {
   type Camera, type Rigid, type World,
 } from '../geometry';
 import type { DepthMap } from '../sources/frame_source';
-import type { Options } from '../wire';
+import { MAX_GUIDED_TARGETS, type Options } from '../wire';
 import { nextTarget, numTaken, progress, withinReach, type Guide, type TakenBy } from './guide';
 import type { GuideOptions } from './guide_options';
 import { hemisphere } from './hemisphere';
@@ -56,8 +56,6 @@ export interface DepthGiver {
   depth(): DepthMap | null;
 }
 
-/** More targets than this are no guidance; the side must be smaller, or the camera farther away. */
-export const MOST_TARGETS = 400;
 /** A depth map counts in the scan when the camera has moved by one of these since the last one. */
 const SCAN_STEP_M = 0.005;
 const SCAN_STEP_RAD = 0.01;
@@ -131,7 +129,7 @@ export class GuideSession {
       worldFromAnchor: rigid<World, Cam>(camera.worldFromCam.rows), zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
     };
     const guide = this.#guideOf(placement);
-    if (guide.targets.length > MOST_TARGETS) {
+    if (guide.targets.length > MAX_GUIDED_TARGETS) {
       return `The nearest thing is ${zMin_m.toFixed(2)} m away, which asks for `
         + `${guide.targets.length} views. Scan again from farther off, or choose a smaller area.`;
     }

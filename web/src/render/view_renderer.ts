@@ -13,7 +13,7 @@ import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import { TILE_PX } from '../mpi/mpi_file';
 import type { LiveFrame } from '../sources/frame_source';
 import { ViewWeights, type Among, type ChosenViews } from '../view_weights';
-import type { Options } from '../wire';
+import { MAX_NEIGHBOURS, SETTLING_S, type Options } from '../wire';
 import blendFragment from './blend.frag.glsl?raw';
 import compareFragment from './compare.frag.glsl?raw';
 import countFragment from './count.frag.glsl?raw';
@@ -28,7 +28,7 @@ import settleFragment from './settle.frag.glsl?raw';
 import shrinkFragment from './shrink.frag.glsl?raw';
 import { newProjection, project } from './projection';
 import type { Target } from './target';
-import { BLOCKS, MAX_VIEWS, Targets, type RenderedView } from './targets';
+import { BLOCKS, Targets, type RenderedView } from './targets';
 
 /** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
 export type Overlay = 'mpi' | 'video' | 'peaks';
@@ -55,10 +55,10 @@ export interface Seen {
 /** Until a view is on the card, its scene is taken to be as deep as this. */
 const USUAL_DEPTH_M = 1.5;
 /**
- * What is shown follows what is measured with this time constant: a pixel gets red within 0.28 s,
+ * What is shown follows what is measured: with this time constant a pixel gets red within 0.28 s,
  * and changes at most every 0.22 s, which is less than three flashes a second.
  */
-const SETTLING_MS = 200;
+const SETTLING_MS = 1000 * SETTLING_S;
 /** Exposure is measured again after so many frames: it changes slowly. */
 const GAIN_EVERY_FRAMES = 6;
 
@@ -77,17 +77,17 @@ export class ViewRenderer implements Disposable {
   readonly #programs;
   readonly #screen: WebGLVertexArrayObject;
   readonly #sampler: WebGLSampler;
-  readonly #units = Int32Array.from({ length: MAX_VIEWS }, (_, i) => i);
+  readonly #units = Int32Array.from({ length: MAX_NEIGHBOURS }, (_, i) => i);
   readonly #projection = newProjection();
   readonly #small = pinholeScratch();
-  readonly #weights = new ViewWeights(MAX_VIEWS);
-  readonly #near: Near = { count: 0, mpis: [], weights: new Float64Array(MAX_VIEWS) };
+  readonly #weights = new ViewWeights(MAX_NEIGHBOURS);
+  readonly #near: Near = { count: 0, mpis: [], weights: new Float64Array(MAX_NEIGHBOURS) };
   readonly #viewIds: string[] = [];
   readonly #seen: { -readonly [K in keyof Seen]: Seen[K] } = { ...NOTHING, viewIds: this.#viewIds };
   /** Of all views: 1 where the MPI is on the card. */
   #here = new Uint8Array(16);
   /** For each of `#near`, where it is rendered to. */
-  readonly #places: (RenderedView | null)[] = new Array<RenderedView | null>(MAX_VIEWS).fill(null);
+  readonly #places: (RenderedView | null)[] = new Array<RenderedView | null>(MAX_NEIGHBOURS).fill(null);
   readonly #gain = new Float32Array([1, 1, 1]);
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
@@ -100,8 +100,8 @@ export class ViewRenderer implements Disposable {
 
   /** @throws RangeError More neighbours are asked for than the shader blends. */
   constructor(gl: WebGL2RenderingContext, options: Options) {
-    if (options.neighbours > MAX_VIEWS) {
-      throw new RangeError(`need neighbours <= ${MAX_VIEWS}, got ${options.neighbours}`);
+    if (options.neighbours > MAX_NEIGHBOURS) {
+      throw new RangeError(`need neighbours <= ${MAX_NEIGHBOURS}, got ${options.neighbours}`);
     }
     this.#gl = gl;
     this.#options = options;
@@ -315,7 +315,7 @@ export class ViewRenderer implements Disposable {
   #renderAndBlend(near: Near, camera: Camera, targets: Targets): boolean {
     this.#findPlaces(near, camera, targets);
     let changed = false;
-    for (let k = 0; k < MAX_VIEWS; k += 1) {
+    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
       const mpi = k < near.count ? near.mpis[k] : undefined;
       const view = this.#places[k] ?? null;
       if (mpi !== undefined && view !== null && view.mpi !== mpi) {
@@ -367,7 +367,7 @@ export class ViewRenderer implements Disposable {
     const { blend } = this.#programs;
     targets.view.begin();
     blend.use();
-    for (let k = 0; k < MAX_VIEWS; k += 1) {
+    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
       this.#bind(k, (targets.blendedFrom[k] ?? targets.blendedFrom[0])?.texture ?? null);
     }
     gl.uniform1iv(blend.uniform('views'), this.#units);
@@ -483,7 +483,7 @@ export class ViewRenderer implements Disposable {
     gl.uniform1f(display.uniform('peak_opacity'), look.peakOpacity);
     gl.uniform1i(display.uniform('pattern'), look.pattern ? 1 : 0);
     this.#cover();
-    for (let unit = 0; unit < MAX_VIEWS; unit += 1) gl.bindSampler(unit, null);
+    for (let unit = 0; unit < MAX_NEIGHBOURS; unit += 1) gl.bindSampler(unit, null);
   }
 
   #bind(unit: number, texture: WebGLTexture | null): void {

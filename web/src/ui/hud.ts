@@ -7,7 +7,7 @@ import { Coach, STEPS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
-import { percent, ShareHistory } from './share_graph';
+import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
 import { finishSheet, settingsSheet, viewsSheet, type Sheet, type SheetActions } from './sheets';
 
 export interface HudActions extends SheetActions {
@@ -78,7 +78,8 @@ export class Hud {
     this.#notice.ariaLive = 'polite';
     const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
       this.#graph);
-    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is 4.28 %';
+    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is '
+      + PAPER_PERCENT;
     const tools = make('div', { className: 'tools' },
       button('', '?', 'Show the steps again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));

@@ -15,7 +15,7 @@ const WALK_M_PER_S = 0.5;
 const DRAG_RAD_PER_PX = 0.003;
 const WHEEL_M_PER_PX = 0.0006;
 const PINCH_M_PER_PX = 0.002;
-const MOST_PITCH_RAD = 1.3;
+const MAX_PITCH_RAD = 1.3;
 /** Speeds follow the keys with this time constant, as an arm does. */
 const INERTIA_MS = 120;
 
@@ -91,7 +91,7 @@ export class PhoneControls {
     }
     this.pose.yaw_rad += dx * DRAG_RAD_PER_PX;
     this.pose.pitch_rad = clamp(
-      this.pose.pitch_rad + dy * DRAG_RAD_PER_PX, -MOST_PITCH_RAD, MOST_PITCH_RAD);
+      this.pose.pitch_rad + dy * DRAG_RAD_PER_PX, -MAX_PITCH_RAD, MAX_PITCH_RAD);
   }
 
   /** Walking is level, wherever the phone looks. */
