@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-import peaking.splat.colmap
+import peaking.poses.colmap
 from peaking.cli import main
 from peaking.errors import BackendUnavailable
 from peaking.splat.ply import read_ply
@@ -116,9 +116,9 @@ def test_what_is_not_installed_is_named(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def missing() -> None:
-        raise BackendUnavailable(f"pycolmap is not installed: {peaking.splat.colmap.INSTALL}")
+        raise BackendUnavailable(f"pycolmap is not installed: {peaking.poses.colmap.INSTALL}")
 
-    monkeypatch.setattr(peaking.splat.colmap, "_imported", missing)
+    monkeypatch.setattr(peaking.poses.colmap, "_imported", missing)
     out = str(tmp_path / "x.ply")
     said = fails([str(room), "--out", out, "--cameras", "colmap"], capsys)
     assert "peaking[colmap]" in said

@@ -12,11 +12,11 @@ import tyro
 
 if TYPE_CHECKING:
     from peaking.frame import Frame
+    from peaking.point_cloud import PointCloud
     from peaking.splat.gaussians import Gaussians
     from peaking.splat.options import SplatOptions
-    from peaking.splat.seeds import Points
 
-FEWEST_PICTURES = 3
+MIN_PICTURES = 3
 Backend = Literal["numba", "gsplat"]
 
 
@@ -61,7 +61,7 @@ class Splat:
 
         from peaking.output import write_atomically
         from peaking.splat.ply import encode_ply
-        from peaking.splat.train import Step, train
+        from peaking.splat.train import TrainingStep, train
 
         self._check()
         backend = self._backend()
@@ -69,7 +69,7 @@ class Splat:
         options = self._options()
         with tqdm(total=options.iterations, desc=f"training ({backend})", unit="step") as bar:
 
-            def show(step: Step) -> None:
+            def show(step: TrainingStep) -> None:
                 bar.set_postfix(
                     gaussians=step.num_gaussians, loss=f"{step.loss:.3f}", refresh=False
                 )
@@ -93,8 +93,8 @@ class Splat:
             raise ValueError(
                 "need --pixels of at least 256, --hold-out 0 or at least 2, --previews at least 0"
             )
-        if self.views is not None and self.views < FEWEST_PICTURES:
-            raise ValueError(f"need --views of at least {FEWEST_PICTURES}, got {self.views}")
+        if self.views is not None and self.views < MIN_PICTURES:
+            raise ValueError(f"need --views of at least {MIN_PICTURES}, got {self.views}")
         # What would only be found out when all is trained.
         if self.out.is_dir():
             raise OutputError(f"{self.out}: is a folder; give the name of a file")
@@ -120,10 +120,10 @@ class Splat:
 
         return SplatOptions(iterations=self.iterations, seed=self.seed)
 
-    def _material(self) -> tuple[list[Frame], list[Frame], Points]:
+    def _material(self) -> tuple[list[Frame], list[Frame], PointCloud]:
         """Return the frames to train on, those that are kept from it, and points to start from."""
         from peaking.errors import RecordingError
-        from peaking.splat.seeds import FEWEST_POINTS, surface_points
+        from peaking.splat.initial_points import MIN_POINTS, surface_points
 
         frames, points = self._frames()
         held_back = {
@@ -132,14 +132,14 @@ class Splat:
         small = [self._small(frame) for frame in frames]
         training = [frame for place, frame in enumerate(small) if place not in held_back]
         held_out = [small[place] for place in sorted(held_back)]
-        if len(training) < FEWEST_PICTURES:
+        if len(training) < MIN_PICTURES:
             raise RecordingError(
                 self.scene,
                 f"has {len(training)} pictures to train on",
-                remedy=f"take at least {FEWEST_PICTURES}, or hold out fewer",
+                remedy=f"take at least {MIN_PICTURES}, or hold out fewer",
             )
         points = points or surface_points(training)
-        if len(points) < FEWEST_POINTS:
+        if len(points) < MIN_POINTS:
             raise RecordingError(
                 self.scene,
                 "has no depth, and no surface is seen alike from two places",
@@ -147,7 +147,7 @@ class Splat:
             )
         return training, held_out, points
 
-    def _frames(self) -> tuple[list[Frame], Points | None]:
+    def _frames(self) -> tuple[list[Frame], PointCloud | None]:
         """Return the chosen frames and, from COLMAP, points."""
         import numpy as np
 
@@ -158,9 +158,9 @@ class Splat:
         indices = np.linspace(0, len(recording) - 1, count).round().astype(int).tolist()
         if self.cameras == "recorded":
             return [self._small(recording.read(index)) for index in indices], None
-        from peaking.splat.colmap import estimate_cameras, for_features
+        from peaking.poses.colmap import estimate_cameras, shrunk_for_features
 
-        frames = [for_features(recording.read(index)) for index in indices]
+        frames = [shrunk_for_features(recording.read(index)) for index in indices]
         print(f"COLMAP looks for the cameras of {len(frames)} pictures (minutes) ...")
         found = estimate_cameras(frames, seed=self.seed)
         placed = [
