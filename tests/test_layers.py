@@ -17,7 +17,7 @@ ORDER = [
     "geometry",
     "frame",
     "point_cloud",
-    "weights",
+    "checkpoints",
     "depth",
     "mpi",
     "generate",

@@ -14,6 +14,7 @@ from peaking.commands import (
     bench,
     bench_generators,
     bench_live,
+    checkpoints,
     demo,
     evaluate,
     generate,
@@ -24,7 +25,6 @@ from peaking.commands import (
     serve,
     splat,
     study,
-    weights,
 )
 from peaking.errors import PeakingError
 
@@ -42,7 +42,7 @@ Examples:
   peaking plan --zmin 0.5 --area 0.15
   peaking evaluate scenes/desk --out out/evaluation
   peaking quality scenes/desk
-  peaking weights
+  peaking checkpoints
   peaking bench --json bench.json
   peaking bench live --json live.json
   peaking bench generators
@@ -75,7 +75,7 @@ Commands = (
     | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
     | Annotated[evaluate.Evaluate, _subcommand("evaluate", evaluate.Evaluate)]
     | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
-    | Annotated[weights.Weights, _subcommand("weights", weights.Weights)]
+    | Annotated[checkpoints.Checkpoints, _subcommand("checkpoints", checkpoints.Checkpoints)]
     | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
     | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
     | Annotated[

@@ -98,7 +98,7 @@ class LocalLightField:
 
         Raises:
             BackendUnavailable: The generator needs PyTorch, or CUDA, which is not there.
-            WeightsError: Its weights are missing or cannot be used.
+            CheckpointError: Its weights are missing or cannot be used.
         """
         self.options = options
         self.stopwatch = stopwatch or Stopwatch(time.perf_counter)

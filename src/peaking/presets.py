@@ -50,7 +50,7 @@ class Options:
     depth_runtime: DepthRuntime = "pytorch"
     """What runs the depth model; OpenVINO is for processors."""
     checkpoint: Path | None = None
-    """The generator's weights; None looks in the folder of weights."""
+    """The generator's weights; None looks in the folder of checkpoints."""
     device: Device = "auto"
     """Where networks run."""
     precision: Precision = "float32"

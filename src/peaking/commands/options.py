@@ -37,7 +37,7 @@ class MethodFlags:
     generator: Literal["layered", "adampi"] | None = None
     """Who makes the MPIs: `layered`, or the paper's `adampi`, which needs weights."""
     checkpoint: Path | None = None
-    """File with the generator's weights; without, the folder that `peaking weights` names."""
+    """File with the generator's weights; without, the folder that `peaking checkpoints` names."""
     depth_model: str | None = None
     """Estimates depth where a frame has none: a folder, or a name of the Hugging Face hub."""
     depth_runtime: Literal["pytorch", "openvino", "openvino-bf16"] | None = None

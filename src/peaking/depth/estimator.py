@@ -7,8 +7,8 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from peaking.checkpoints import depth_model_folder
 from peaking.errors import BackendUnavailable
-from peaking.weights import depth_model_folder
 
 Device = Literal["auto", "cpu", "cuda"]
 DepthRuntime = Literal["pytorch", "openvino", "openvino-bf16"]
@@ -46,7 +46,7 @@ def estimator_named(
 
     Raises:
         BackendUnavailable: PyTorch, transformers, OpenVINO or CUDA is missing.
-        WeightsError: The model is not here, or its files cannot be used.
+        CheckpointError: The model is not here, or its files cannot be used.
     """
     folder = depth_model_folder(model)
     try:

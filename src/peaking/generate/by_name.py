@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from peaking.checkpoints import adampi_file
 from peaking.errors import BackendUnavailable
 from peaking.generate import Generator
 from peaking.generate.layered import Layered
-from peaking.weights import adampi_file
 
 GeneratorName = Literal["layered", "adampi"]
 Device = Literal["auto", "cpu", "cuda"]
@@ -21,7 +21,7 @@ class Learned:
     """What learned generators and depth estimators need besides the picture.
 
     Attributes:
-        checkpoint: File with the generator's weights; None looks in the folder of weights.
+        checkpoint: File with the generator's weights; None looks in the folder of checkpoints.
         device: Where they run; `auto` is CUDA where there is one.
         precision: Of the generator's convolutions; other than float32 on CUDA only.
     """
@@ -38,7 +38,7 @@ def generator_named(
 
     Raises:
         BackendUnavailable: It needs PyTorch, or CUDA, which is not there.
-        WeightsError: Its weights are missing or cannot be used.
+        CheckpointError: Its weights are missing or cannot be used.
     """
     if name == "layered":
         return Layered(num_planes=num_planes)
