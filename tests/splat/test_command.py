@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_file(room: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--out", "x.splat"], "need the name of a .ply file"),
+        (["--out", "x.splat"], "need a file name ending in .ply"),
         (["--out", "x.ply", "--hold-out", "1"], "--hold-out 0 or at least 2"),
         (["--out", "x.ply", "--views", "2"], "--views of at least 3"),
         (["--out", "x.ply", "--iterations", "0"], "iterations"),
@@ -105,7 +105,7 @@ def test_a_scene_without_depth_or_movement_is_refused(
             frame["transform_matrix"][row][3] = 0.0
     (scene / "transforms.json").write_text(json.dumps(fields), encoding="utf-8")
     said = fails([str(scene), "--out", str(tmp_path / "x.ply"), *QUICK], capsys)
-    assert "has no depth, and no surface is seen alike from two places" in said
+    assert "has no depth, and no surface could be matched between two pictures" in said
     assert not (tmp_path / "x.ply").exists()
 
 

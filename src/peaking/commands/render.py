@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 
 if TYPE_CHECKING:
@@ -73,8 +74,11 @@ class Render:
             return [mpi], mpi.camera
         recording = open_recording(self.source)
         if not 0 <= self.frame < len(recording):
-            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
-        scene = LocalLightField(self.method.options())
+            raise ArgumentError(
+                f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}"
+            )
+        with checked_arguments():
+            scene = LocalLightField(self.method.options())
         start = scene.prepare(recording.read(self.frame)).camera
         # Far views would not take part: only the nearest few are made.
         target = self._moved(start)
@@ -86,7 +90,8 @@ class Render:
     def _see(self, views: Sequence[Mpi], camera: Camera) -> Rendering:
         from peaking.pipeline import LocalLightField
 
-        scene = LocalLightField(self.method.options())
+        with checked_arguments():
+            scene = LocalLightField(self.method.options())
         scene.views.extend(views)
         return scene.view_from(camera)[0]
 
@@ -94,7 +99,7 @@ class Render:
         from peaking.geometry import Cam, Rigid
 
         if not np.isfinite([*self.move_m, *self.turn_deg]).all():
-            raise ValueError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
+            raise ArgumentError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
         right, down = np.deg2rad(self.turn_deg)
         about_y = np.array(
             [[np.cos(right), 0, np.sin(right)], [0, 1, 0], [-np.sin(right), 0, np.cos(right)]]
