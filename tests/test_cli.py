@@ -95,7 +95,7 @@ def test_a_value_error_that_is_no_wrong_argument_is_not_hidden(
     def broken(*_: object) -> None:
         raise ValueError("operands could not be broadcast together")
 
-    monkeypatch.setattr("peaking.guidance.viewing.limits", broken)
+    monkeypatch.setattr(COMMANDS["plan"], "run", broken)
     with pytest.raises(ValueError, match="broadcast"):
         main(["plan"])
 

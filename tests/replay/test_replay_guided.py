@@ -69,7 +69,7 @@ def test_the_command_writes_what_was_reached(
     arguments = ["--guide", "plenoptic", "--area-m", "0.3", "--near-m", "0.005", "--no-video"]
     arguments += ["--pixels", "19200", "--num-planes", "16"]
     main(["replay", str(room), "--out", str(out), *arguments])
-    assert "3 of 9 targets are on the recorded path" in capsys.readouterr().out
+    assert "the recorded path reaches 3 of 9 targets" in capsys.readouterr().out
     summary = json.loads((out / "summary.json").read_text())
     assert summary["captured_indices"] == [3, 5, 7]
     assert summary["guide"]["kind"] == "plenoptic"

@@ -173,7 +173,9 @@ def _as_dict(bound: PlenopticBound) -> dict[str, float]:
 
 def _limits_as_dicts(bound: PlenopticBound, limits: Sequence[Limit]) -> list[dict[str, object]]:
     return [
-        asdict(limit)
-        | {"num_views_exact": replace(bound, detail_px=limit.detail_px).num_views_exact}
+        {
+            **asdict(limit),
+            "num_views_exact": replace(bound, detail_px=limit.detail_px).num_views_exact,
+        }
         for limit in limits
     ]
