@@ -17,13 +17,14 @@ from jaxtyping import Float32, Float64
 from peaking import view_builder
 from peaking.cli import main
 from peaking.datasets.nerfstudio import NerfstudioRecording, open_recording
-from peaking.datasets.point_cloud import encode_points, seen_points
+from peaking.datasets.point_cloud import encode_points
 from peaking.depth import complete
 from peaking.errors import PeakingError
 from peaking.frame import Frame
 from peaking.metric_depth import CapturedView, estimate_depth
 from peaking.mpi import Mpi
 from peaking.pipeline import Reconstruction
+from peaking.point_cloud import visible_points
 from peaking.rendering import render
 from peaking.view_builder import ViewBuilder
 from recordings import Room, write_recording
@@ -182,7 +183,7 @@ def hidden_share(points_m: Float64[np.ndarray, "n 3"], frame: Frame) -> float:
 def test_few_of_the_points_that_a_frame_takes_of_a_cloud_are_hidden(three: Three) -> None:
     frame, cloud_m = three.frames[1], sampled_everywhere_m(three.recording)
     of_all = hidden_share(cloud_m, frame)
-    of_taken = hidden_share(seen_points(cloud_m, frame.camera), frame)
+    of_taken = hidden_share(visible_points(cloud_m, frame.camera), frame)
     measured.info("hidden of all, of those taken: %.4f %.4f", of_all, of_taken)
     assert of_taken < min(of_all / 2, HIDDEN_SHARE)
 

@@ -49,7 +49,7 @@ class ViewBuilder:
 
         Raises:
             BackendUnavailable: The generator needs PyTorch, or CUDA, which is not there.
-            WeightsError: Its checkpoint is missing or cannot be used.
+            CheckpointError: Its checkpoint is missing or cannot be used.
         """
         self.options = options
         self._stopwatch = stopwatch or Stopwatch()

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 from depth_models import write_model
+from peaking.checkpoints import (
+    KNOWN,
+    KnownCheckpoint,
+    checkpoints_folder,
+    depth_model_folder,
+    state_of,
+)
 from peaking.depth.estimator import DepthEstimator
 from peaking.depth.hub import Preparation
 from peaking.depth.registry import create_estimator
-from peaking.errors import WeightsError
-from peaking.weights import KNOWN, KnownWeights, depth_model_folder, state_of, weights_folder
+from peaking.errors import CheckpointError
 
 GREY = (0.5, 0.5, 0.5)
 
@@ -62,9 +68,9 @@ def test_colours_are_normalised() -> None:
 def test_a_missing_model_is_said_with_what_to_put_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path))
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
-    with pytest.raises(WeightsError) as caught:
+    with pytest.raises(CheckpointError) as caught:
         create_estimator("someone/some-depth-hf")
     assert "downloads nothing" in str(caught.value)
     assert f"into {tmp_path / 'some-depth-hf'}" in str(caught.value)
@@ -74,14 +80,14 @@ def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     write_model(tmp_path)
     weights = tmp_path / "model.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
-    with pytest.raises(WeightsError, match="cannot be read"):
+    with pytest.raises(CheckpointError, match="cannot be read"):
         create_estimator(str(tmp_path), device="cpu")
 
 
 def test_a_pickle_in_place_of_safetensors_is_not_opened(tmp_path: Path) -> None:
     write_model(tmp_path)
     (tmp_path / "model.safetensors").rename(tmp_path / "pytorch_model.bin")
-    with pytest.raises(WeightsError, match="cannot be read"):
+    with pytest.raises(CheckpointError, match="cannot be read"):
         create_estimator(str(tmp_path), device="cpu")
 
 
@@ -93,13 +99,13 @@ def test_the_hub_s_cache_is_looked_into(tmp_path: Path, monkeypatch: pytest.Monk
     assert depth_model_folder("someone/some-depth-hf", tmp_path / "none") == snapshot
 
 
-def test_the_folder_of_weights_can_be_chosen() -> None:
-    assert weights_folder({"PEAKING_WEIGHTS": "/w"}) == Path("/w")
-    assert weights_folder({"XDG_DATA_HOME": "/d"}) == Path("/d/peaking/weights")
+def test_the_folder_of_checkpoints_can_be_chosen() -> None:
+    assert checkpoints_folder({"PEAKING_CHECKPOINTS": "/w"}) == Path("/w")
+    assert checkpoints_folder({"XDG_DATA_HOME": "/d"}) == Path("/d/peaking/checkpoints")
 
 
 def test_hashes_that_were_published_are_compared(tmp_path: Path) -> None:
-    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    known = KnownCheckpoint("n/model", "model/model.safetensors", "", "", "")
     assert state_of(known, tmp_path) == "missing"
     file = tmp_path / known.file
     file.parent.mkdir()
@@ -125,7 +131,7 @@ def test_a_cached_file_is_named_by_its_hash(
     blob.write_bytes(b"weights")
     (snapshot / "model.safetensors").symlink_to(blob)
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
-    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    known = KnownCheckpoint("n/model", "model/model.safetensors", "", "", "")
     assert state_of(known, tmp_path / "none") == "ok"
     blob.write_bytes(b"other")
     assert state_of(known, tmp_path / "none") == "wrong"

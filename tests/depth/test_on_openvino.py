@@ -28,7 +28,7 @@ needs_openvino = pytest.mark.skipif(
 
 @pytest.fixture
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path / "weights"))
     return write_model(tmp_path / "model")
 
 

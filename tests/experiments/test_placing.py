@@ -24,9 +24,8 @@ from peaking.experiments.tables import Evaluation, table_md
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
 from peaking.options import DEFAULT
-from peaking.splat.colmap import Estimate
-from peaking.splat.errors import CamerasNotFound
-from peaking.splat.seeds import Points
+from peaking.point_cloud import PointCloud
+from peaking.poses.colmap import CamerasNotFound, Estimate
 from recordings import lateral_cameras
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
@@ -60,7 +59,7 @@ class Told:
     def __call__(self, frames: Sequence[Frame]) -> Estimate:
         self.asked += 1
         cameras: list[Camera | None] = [self._moved(i, f.camera) for i, f in enumerate(frames)]
-        return Estimate(cameras, Points.joined([]), 1.0, self._aside_m)
+        return Estimate(cameras, PointCloud.joined([]), 1.0, self._aside_m)
 
     def _moved(self, index: int, camera: Camera) -> Camera | None:
         """Move test views alone, so that they are off from what was trained."""

@@ -15,7 +15,7 @@ from jaxtyping import Float32, UInt8
 
 from adampi_checkpoints import write_checkpoint
 from peaking.cli import main
-from peaking.errors import BackendUnavailable, PeakingError, WeightsError
+from peaking.errors import BackendUnavailable, CheckpointError, PeakingError
 from peaking.generators import Generator
 from peaking.generators.adampi.checkpoint import read_checkpoint
 from peaking.generators.adampi.generator import AdaMpi
@@ -152,7 +152,7 @@ BAD_DOCUMENTS: dict[str, tuple[Callable[[Weights], object], str]] = {
 def test_wrong_checkpoints_are_refused_by_name(tmp_path: Path, name: str) -> None:
     make, message = BAD_DOCUMENTS[name]
     path = saved(tmp_path / "bad.pth", make(random_network(1).state_dict()))
-    with pytest.raises(WeightsError, match=message) as caught:
+    with pytest.raises(CheckpointError, match=message) as caught:
         read_checkpoint(path)
     assert str(caught.value).startswith(f"{path}: ")
 
@@ -165,13 +165,13 @@ def test_truncated_files_are_refused(tmp_path: Path, kept: float, zipped: bool) 
     torch.save(small, path, _use_new_zipfile_serialization=zipped)
     whole = path.read_bytes()
     path.write_bytes(whole[: kept if isinstance(kept, int) else int(kept * len(whole))])
-    with pytest.raises(WeightsError, match=r"damaged|no dictionary"):
+    with pytest.raises(CheckpointError, match=r"damaged|no dictionary"):
         read_checkpoint(path)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(
-        WeightsError, match=r"nowhere\.pth: there is no such file; `peaking weights`"
+        CheckpointError, match=r"nowhere\.pth: there is no such file; `peaking checkpoints`"
     ):
         read_checkpoint(tmp_path / "nowhere.pth")
 
@@ -189,16 +189,16 @@ class Touches:
 def test_code_in_a_pickle_is_not_run(tmp_path: Path) -> None:
     proof = tmp_path / "proof"
     path = saved(tmp_path / "code.pth", {"num_planes": 4, "weight": Touches(proof)})
-    with pytest.raises(WeightsError, match="objects or code"):
+    with pytest.raises(CheckpointError, match="objects or code"):
         read_checkpoint(path)
     path.write_bytes(pickle.dumps(Touches(proof)))
-    with pytest.raises(WeightsError):
+    with pytest.raises(CheckpointError):
         read_checkpoint(path)
     assert not proof.exists()
 
 
 def test_another_number_of_planes_is_refused(checkpoint: Path) -> None:
-    with pytest.raises(WeightsError, match="is made for 4 planes, 32 were asked for"):
+    with pytest.raises(CheckpointError, match="is made for 4 planes, 32 were asked for"):
         AdaMpi.load(checkpoint, num_planes=32, device="cpu")
 
 

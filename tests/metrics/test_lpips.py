@@ -43,7 +43,7 @@ def install(name: LpipsName, home: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     """
     torch: Any = importlib.import_module("torch")
     monkeypatch.setenv("TORCH_HOME", str(home / "torch"))
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(home / "no weights"))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(home / "no weights"))
     monkeypatch.syspath_prepend(home / "packages")
     metric = METRICS[name]
     package = home / "packages" / metric.package
@@ -96,7 +96,7 @@ def test_folders_are_searched_in_order(tmp_path: Path, monkeypatch: pytest.Monke
     hub.mkdir(parents=True)
     (hub / backbone).write_bytes((folder / backbone).read_bytes())
     assert available("lpips-alex")
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path / "named"))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path / "named"))
     (tmp_path / "named").mkdir()
     (tmp_path / "named" / backbone).write_bytes(b"an error page")
     with pytest.raises(ToolMissing, match=r"named/.*SHA-256 begins with"):

@@ -25,7 +25,7 @@ from capture_uploads import (
     upload,
     upload_without_depth,
 )
-from peaking.errors import PeakingError, WeightsError
+from peaking.errors import CheckpointError, PeakingError
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
 from peaking.options import DEFAULT, Options
@@ -130,7 +130,7 @@ def test_where_the_learned_one_fails_the_first_stays_and_it_is_said(
 
 def test_a_server_without_its_weights_does_not_start(tmp_path: Path) -> None:
     options = replace(DEFAULT, generator="adampi", checkpoint=tmp_path / "none.pth")
-    with pytest.raises(WeightsError, match=r"none\.pth"):
+    with pytest.raises(CheckpointError, match=r"none\.pth"):
         client_of(tmp_path, options)
 
 

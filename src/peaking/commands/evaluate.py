@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodFlags
 from peaking.options import PAPER_PEAKED_SHARE
 
@@ -85,7 +86,8 @@ class Evaluate:
         ) -> Iterable[tuple[Step, Found]]:
             return tqdm(steps, total=total, desc=what, unit="step", disable=total == 0)
 
-        plan = self._plan()
+        with checked_arguments():
+            plan = self._plan()
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
         print(table_md(evaluation))
         if evaluation.costs is not None:

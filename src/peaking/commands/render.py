@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 
 if TYPE_CHECKING:
@@ -67,13 +68,14 @@ class Render:
         from peaking.pipeline import Reconstruction
         from peaking.view_weights import nearest_by_distance
 
-        options = self.method.options()
+        with checked_arguments():
+            options = self.method.options()
         if not self.source.is_dir():
             mpi = read_mpi(self.source)
             return LightField([mpi], options), mpi.camera
         recording = open_recording(self.source)
         if not 0 <= self.frame < len(recording):
-            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
+            raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
         scene = Reconstruction(options)
         start = scene.prepare(recording.read(self.frame)).camera
         # Far views would not take part: only the nearest few are made.
@@ -87,7 +89,7 @@ class Render:
         from peaking.geometry import Cam, Rigid
 
         if not np.isfinite([*self.move_m, *self.turn_deg]).all():
-            raise ValueError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
+            raise ArgumentError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
         right, down = np.deg2rad(self.turn_deg)
         about_y = np.array(
             [[np.cos(right), 0, np.sin(right)], [0, 1, 0], [-np.sin(right), 0, np.cos(right)]]

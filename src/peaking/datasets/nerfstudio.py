@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from peaking.datasets.lens import Lens
-from peaking.datasets.point_cloud import check_points, read_points, seen_points
+from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.stored_images import (
     depth_size_px,
     picture_size_px,
@@ -45,6 +45,7 @@ from peaking.errors import OutputError, RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
+from peaking.point_cloud import visible_points
 
 _SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
@@ -125,7 +126,7 @@ class NerfstudioRecording:
         """Decode one picture and its depth, and take the lens's distortion out of both.
 
         Without a depth map, `points_m` are the points of the view's own cloud, or those of the
-        recording's that lie in the picture and are not hidden (`seen_points`).
+        recording's that lie in the picture and are not hidden (`visible_points`).
 
         Raises:
             IndexError: There is no such view.
@@ -219,7 +220,7 @@ class NerfstudioRecording:
             return None
         if "ply_file_path" in view.entry:
             return read_points(self.root / view.points) * view.points_unit_m
-        return seen_points(self._cloud * view.points_unit_m, view.camera)
+        return visible_points(self._cloud * view.points_unit_m, view.camera)
 
     @cached_property
     def _cloud(self) -> Float64[np.ndarray, "n 3"]:

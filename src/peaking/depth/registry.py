@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from peaking.checkpoints import depth_model_folder
 from peaking.depth.estimator import DepthEstimator
 from peaking.errors import BackendUnavailable
 from peaking.options import DepthRuntime, Device
-from peaking.weights import depth_model_folder
 
 
 def create_estimator(
@@ -20,7 +20,7 @@ def create_estimator(
 
     Raises:
         BackendUnavailable: PyTorch, transformers, OpenVINO or CUDA is missing.
-        WeightsError: The model is not here, or its files cannot be used.
+        CheckpointError: The model is not here, or its files cannot be used.
     """
     folder = depth_model_folder(model)
     try:

@@ -16,8 +16,7 @@ import numpy as np
 from peaking.datasets import Recording
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
-from peaking.splat.colmap import estimate_cameras, for_features
-from peaking.splat.errors import CamerasNotFound
+from peaking.poses.colmap import CamerasNotFound, estimate_cameras, shrunk_for_features
 
 Pose = tuple[float, ...]
 """`world_from_cam` in metres: the first three rows of its matrix, one after the other."""
@@ -80,7 +79,7 @@ def place(recording: Recording) -> Placement:
         BackendUnavailable: pycolmap is not installed.
         CamerasNotFound: COLMAP cannot join the pictures.
     """
-    frames = [for_features(recording.read(i)) for i in range(len(recording))]
+    frames = [shrunk_for_features(recording.read(i)) for i in range(len(recording))]
     try:
         found = estimate_cameras(frames)
     except CamerasNotFound as error:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from peaking.checkpoints import adampi_file
 from peaking.errors import BackendUnavailable
 from peaking.generators import Generator
 from peaking.generators.layered import Layered
 from peaking.options import Options
-from peaking.weights import adampi_file
 
 
 def create_generator(options: Options) -> Generator:
@@ -14,7 +14,7 @@ def create_generator(options: Options) -> Generator:
 
     Raises:
         BackendUnavailable: It needs PyTorch, or CUDA, which is not there.
-        WeightsError: Its checkpoint is missing or cannot be used.
+        CheckpointError: Its checkpoint is missing or cannot be used.
     """
     if options.generator == "layered":
         return Layered(num_planes=options.num_planes)

@@ -21,8 +21,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float32
 
+from peaking.checkpoints import checkpoints_folder
 from peaking.errors import BackendUnavailable, ToolMissing
-from peaking.weights import weights_folder
 
 LpipsName = Literal["lpips-alex", "lpips-vgg", "st-lpips-alex"]
 Distance = Callable[[np.ndarray, np.ndarray], float]
@@ -160,7 +160,7 @@ def available(name: LpipsName, *, folder: Path | None = None) -> bool:
 def open_lpips(name: LpipsName, *, folder: Path | None = None) -> Distance:
     """Return the metric as a function of (image, reference).
 
-    The backbone's file is looked for in `folder`, in `weights_folder()` and in torch.hub's
+    The backbone's file is looked for in `folder`, in `checkpoints_folder()` and in torch.hub's
     checkpoints, in this order. The function raises ValueError for pictures of two sizes or below
     32×32 px.
 
@@ -280,13 +280,13 @@ def _heads_file(metric: _Metric) -> Path:
 def _backbone_file(backbone: str, folder: Path | None) -> Path:
     """Return torchvision's file in the first folder that has it."""
     hub = Path(_torch().hub.get_dir()) / "checkpoints"
-    folders = [*([folder] if folder else []), weights_folder(), hub]
+    folders = [*([folder] if folder else []), checkpoints_folder(), hub]
     for place in folders:
         if (place / backbone).is_file():
             return place / backbone
     raise ToolMissing(
         f"needs torchvision's file {backbone}, which is not in {', '.join(map(str, folders))}; "
-        "put it into one of them, or set PEAKING_WEIGHTS to its folder"
+        "put it into one of them, or set PEAKING_CHECKPOINTS to its folder"
     )
 
 

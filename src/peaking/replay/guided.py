@@ -115,7 +115,7 @@ def guided_walk(
         raise _refused(
             recording,
             f"the nearest thing, {z_min_m:.3f} m away, asks for {bound.views_per_side**2} views",
-            "choose a smaller --area",
+            "choose a smaller --area-m",
         )
     guide = _guide_of(choice, bound, cameras[anchor], middle_m[anchor] or z_min_m)
     chosen = _frames_of_targets(guide, cameras)
@@ -124,7 +124,7 @@ def guided_walk(
             recording,
             f"no frame is within {100 * guide.near_enough.position_m:.1f} cm and "
             f"{choice.angle_deg:g}° of one of {len(guide.targets)} targets",
-            "choose a larger --near, --angle or --area",
+            "choose a larger --near-m, --angle-deg or --area-m",
         )
     return GuidedWalk(guide, bound, chosen)
 

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float32, UInt8
 
-from peaking.errors import BackendUnavailable, WeightsError
+from peaking.errors import BackendUnavailable, CheckpointError
 from peaking.generators.adampi.checkpoint import Checkpoint, read_checkpoint
 from peaking.generators.adampi.chunked import Chunks, forward_in_chunks
 from peaking.generators.adampi.cpu import forward_on_cpu
@@ -70,11 +70,11 @@ class AdaMpi:
         """Read a checkpoint.
 
         Raises:
-            WeightsError: It cannot be used, or is made for another number of planes.
+            CheckpointError: It cannot be used, or is made for another number of planes.
         """
         checkpoint = read_checkpoint(path)
         if checkpoint.num_planes != num_planes:
-            raise WeightsError(
+            raise CheckpointError(
                 f"{path}: num_planes: is made for {checkpoint.num_planes} planes, {num_planes} "
                 f"were asked for; use --num-planes {checkpoint.num_planes} or another file"
             )

@@ -1,8 +1,8 @@
 """Cameras and points from the pictures alone, by COLMAP (extra `colmap`), in the recorded metres.
 
-COLMAP's world has axes and a scale of its own. It is laid over the recorded cameras by one
-similarity, so that what is trained on COLMAP's cameras can be seen from recorded ones, and the
-other way round. The recorded poses have no other part in it but to say which pictures to match.
+COLMAP's world has its own axes and scale. One similarity aligns it with the recorded cameras, so
+that what is trained on COLMAP's cameras can be rendered from recorded ones, and the reverse. Apart
+from that, the recorded poses only decide which pictures are matched.
 """
 
 from __future__ import annotations
@@ -17,19 +17,22 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from peaking.errors import BackendUnavailable
+from peaking.errors import BackendUnavailable, PeakingError
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.output import encode_png
-from peaking.splat.errors import CamerasNotFound
-from peaking.splat.seeds import Points
+from peaking.point_cloud import PointCloud
 
 INSTALL = "pip install 'peaking[colmap]', or take --cameras recorded"
 FEATURE_PIXELS = 540 * 960
 """Features are found in pictures no larger than this."""
 NUM_FEATURES = 4096
 NUM_PARTNERS = 20
-"""Every picture is matched with so many others: the ones before and after it, and the nearest."""
+"""Every picture is matched with this many others: those before and after it, and the nearest."""
+
+
+class CamerasNotFound(PeakingError):
+    """COLMAP could not estimate where the pictures were taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +40,14 @@ class Estimate:
     """What COLMAP found.
 
     Attributes:
-        cameras: One for each picture, in the recorded world; None for those it could not place.
+        cameras: One for each picture, in the recorded world; None where COLMAP could not place it.
         points: Triangulated features, in the recorded world.
         scale: Recorded metres per unit of COLMAP's own world.
         residual_m: Root mean square distance of its camera centres from the recorded ones.
     """
 
     cameras: Sequence[Camera | None]
-    points: Points
+    points: PointCloud
     scale: float
     residual_m: float
 
@@ -54,7 +57,7 @@ def estimate_cameras(frames: Sequence[Frame], *, seed: int = 0) -> Estimate:
 
     Args:
         frames: Undistorted pictures, best at full size: features are found in up to 0.5 megapixels.
-        seed: Of COLMAP's random samples.
+        seed: Seed of COLMAP's random samples.
 
     Raises:
         BackendUnavailable: pycolmap is not installed.
@@ -63,7 +66,7 @@ def estimate_cameras(frames: Sequence[Frame], *, seed: int = 0) -> Estimate:
     pycolmap = _imported()
     pycolmap.logging.minloglevel = 2
     pycolmap.set_random_seed(seed)
-    small = [for_features(frame) for frame in frames]
+    small = [shrunk_for_features(frame) for frame in frames]
     with tempfile.TemporaryDirectory(prefix="peaking-colmap-") as folder:
         model = _reconstruct(pycolmap, small, Path(folder), seed)
     if model is None or model.num_reg_images() < 3:
@@ -77,7 +80,7 @@ def estimate_cameras(frames: Sequence[Frame], *, seed: int = 0) -> Estimate:
             cam_from_own = np.eye(4)
             cam_from_own[:3] = image.cam_from_world().matrix()
             own_from_cam[int(Path(image.name).stem)] = Rigid.from_matrix(cam_from_own).inverse()
-    similarity = aligned(
+    similarity = similarity_to(
         list(own_from_cam.values()), [frames[index].camera.world_from_cam for index in own_from_cam]
     )
     cameras: list[Camera | None] = [None] * len(frames)
@@ -112,21 +115,21 @@ class Similarity:
         return self.scale * points @ self.rotation.T + self.translation_m
 
 
-def aligned(
+def similarity_to(
     poses: Sequence[Rigid[World, Cam]], recorded: Sequence[Rigid[World, Cam]]
 ) -> Similarity:
-    """Return the similarity that lays cameras over the recorded ones with the least squares.
+    """Return the similarity that aligns cameras with the recorded ones by least squares.
 
     The rotation is the one that best turns all camera axes into the recorded ones, so that a
-    straight path will do; scale and translation are Umeyama's (1991, equations 41 and 42) for it.
+    straight path is enough; scale and translation are Umeyama's (1991, equations 41 and 42) for it.
 
     Raises:
-        CamerasNotFound: The cameras, or the recorded ones, all stand in one place.
+        CamerasNotFound: The cameras, or the recorded ones, are all at one point.
     """
-    turned = sum(
+    rotations = sum(
         there.rotation @ here.rotation.T for here, there in zip(poses, recorded, strict=True)
     )
-    u, _, vt = np.linalg.svd(turned)
+    u, _, vt = np.linalg.svd(rotations)
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
     here = np.array([pose.translation_m for pose in poses])
     there = np.array([pose.translation_m for pose in recorded])
@@ -141,8 +144,8 @@ def aligned(
     return Similarity(scale, rotation, there.mean(axis=0) - scale * rotation @ here.mean(axis=0))
 
 
-def partners(cameras: Sequence[Camera], count: int) -> list[tuple[int, int]]:
-    """Return pairs to match: each picture with its successors and the nearest that face its way."""
+def pairs_to_match(cameras: Sequence[Camera], count: int) -> list[tuple[int, int]]:
+    """Pair each picture with its successors and the nearest that face the same way."""
     positions = np.array([camera.position_m for camera in cameras])
     forward = np.array([camera.forward for camera in cameras])
     pairs: set[tuple[int, int]] = set()
@@ -156,8 +159,8 @@ def partners(cameras: Sequence[Camera], count: int) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def for_features(frame: Frame) -> Frame:
-    """Return a frame no larger than features are looked for in."""
+def shrunk_for_features(frame: Frame) -> Frame:
+    """Return the frame at the size at which features are found, if it is larger."""
     width, height = frame.camera.pinhole.size_px
     if width * height <= FEATURE_PIXELS:
         return frame
@@ -187,7 +190,7 @@ def _reconstruct(pycolmap: Any, frames: Sequence[Frame], folder: Path, seed: int
     pairs = folder / "pairs.txt"
     lines = [
         f"{_file_name(a)} {_file_name(b)}\n"
-        for a, b in partners([frame.camera for frame in frames], NUM_PARTNERS)
+        for a, b in pairs_to_match([frame.camera for frame in frames], NUM_PARTNERS)
     ]
     pairs.write_text("".join(lines), encoding="ascii")
     pairing = pycolmap.ImportedPairingOptions()
@@ -217,7 +220,7 @@ def _write_intrinsics(pycolmap: Any, database: Path, frames: Sequence[Frame]) ->
         opened.close()
 
 
-def _points(model: Any, frames: Sequence[Frame], similarity: Similarity) -> Points:
+def _points(model: Any, frames: Sequence[Frame], similarity: Similarity) -> PointCloud:
     """Return the points that at least three pictures see."""
     found = [point for point in model.points3D.values() if point.track.length() >= 3]
     own = np.array([point.xyz for point in found]).reshape(-1, 3)
@@ -229,7 +232,7 @@ def _points(model: Any, frames: Sequence[Frame], similarity: Similarity) -> Poin
         distance = float(np.linalg.norm(point.xyz - eyes[seen_by]))
         pixel.append(distance / frames[names[seen_by]].camera.pinhole.fx_px)
     rgb = np.array([point.color for point in found], np.float32).reshape(-1, 3) / np.float32(255)
-    return Points(similarity.apply(own), rgb, similarity.scale * np.array(pixel))
+    return PointCloud(similarity.apply(own), rgb, similarity.scale * np.array(pixel))
 
 
 def _file_name(index: int) -> str:

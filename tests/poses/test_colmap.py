@@ -1,4 +1,4 @@
-"""COLMAP's cameras laid over the recorded ones: the algebra by hand, and (`-m colmap`) COLMAP."""
+"""COLMAP's cameras aligned with the recorded ones: algebra by hand, and (`-m colmap`) COLMAP."""
 
 from __future__ import annotations
 
@@ -11,8 +11,12 @@ import pytest
 from peaking.datasets import open_recording
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
-from peaking.splat.colmap import aligned, estimate_cameras, partners
-from peaking.splat.errors import CamerasNotFound
+from peaking.poses.colmap import (
+    CamerasNotFound,
+    estimate_cameras,
+    pairs_to_match,
+    similarity_to,
+)
 from recordings import lateral_cameras
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
@@ -49,7 +53,7 @@ def test_a_known_similarity_is_found(straight: bool) -> None:
         Rigid(turned(1, 5.0 * i), np.array([0.1 * i, 0.0, 0.0]) + off[i]) for i in range(6)
     ]
     rotation, shift = turned(0, 30) @ turned(2, -70), np.array([1.0, -2.0, 0.5])
-    found = aligned(poses, moved(poses, 2.5, rotation, shift))
+    found = similarity_to(poses, moved(poses, 2.5, rotation, shift))
     assert found.scale == pytest.approx(2.5)
     np.testing.assert_allclose(found.rotation, rotation, atol=1e-12)
     np.testing.assert_allclose(found.translation_m, shift, atol=1e-12)
@@ -64,16 +68,16 @@ def test_noise_shrinks_nothing_by_much() -> None:
     noisy = [
         Rigid[World, Cam](p.rotation, p.translation_m + 0.01 * rng.normal(size=3)) for p in poses
     ]
-    assert aligned(poses, noisy).scale == pytest.approx(1.0, abs=0.01)
+    assert similarity_to(poses, noisy).scale == pytest.approx(1.0, abs=0.01)
 
 
 def test_cameras_in_one_place_have_no_scale() -> None:
     poses: list[Rigid[World, Cam]] = [Rigid.identity()] * 4
     with pytest.raises(CamerasNotFound, match="scale stays unknown"):
-        aligned(poses, poses)
+        similarity_to(poses, poses)
 
 
-def test_partners_are_near_and_face_the_same_way() -> None:
+def test_pairs_are_near_and_face_the_same_way() -> None:
     cameras = lateral_cameras(40, 64, 48)
     back = replace(
         cameras[0],
@@ -81,7 +85,7 @@ def test_partners_are_near_and_face_the_same_way() -> None:
             cameras[0].world_from_cam.rotation @ turned(1, 180), cameras[0].position_m
         ),
     )
-    pairs = partners([*cameras, back], 6)
+    pairs = pairs_to_match([*cameras, back], 6)
     assert all(a < b for a, b in pairs)
     assert {(10, 11), (10, 12), (10, 13)} <= set(pairs)
     assert (0, 39) not in pairs
@@ -103,7 +107,7 @@ def test_colmap_finds_the_cameras_of_the_sample_scene() -> None:
         assert camera.forward @ recorded.forward > np.cos(np.radians(DIRECTIONS_AGREE_DEG))
     depth_m = frames[0].depth_m
     assert depth_m is not None
-    in_cam_m = frames[0].camera.world_from_cam.inverse().apply(found.points.places_m)
+    in_cam_m = frames[0].camera.world_from_cam.inverse().apply(found.points.xyz_m)
     assert len(in_cam_m) > 200
     assert 0.5 * depth_m[depth_m > 0].min() < np.median(in_cam_m[:, 2]) < 2 * depth_m.max()
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from peaking.depth._plane_sweep_numba import plane_differences
+from peaking.depth.plane_sweep import plane_sweep_depths_m
 from peaking.frame import Frame
 from peaking.geometry import Rigid
-from peaking.splat._sweep_numba import differences
-from peaking.splat.sweep import swept_depths_m
 from recordings import Room, lateral_cameras
 
 DEPTH_AGREES = 0.005
@@ -31,7 +31,7 @@ def test_a_picture_is_like_itself() -> None:
     photo = np.random.default_rng(0).uniform(size=(12, 15, 3)).astype(np.float32)
     shifted = np.eye(3) + np.array([[0, 0, 2.0], [0, 0, 0], [0, 0, 0]])
     out = np.empty((2, 12, 15), np.float32)
-    differences(photo, photo, np.stack([np.eye(3), shifted]), out)
+    plane_differences(photo, photo, np.stack([np.eye(3), shifted]), out)
     np.testing.assert_allclose(out[0, :-1, :-1], 0, atol=1e-6)
     expected = np.abs(photo[:, 2:] - photo[:, :-2]).mean(axis=2)
     np.testing.assert_allclose(out[1, :-1, :12], expected[:-1, :12], atol=1e-6)
@@ -40,7 +40,7 @@ def test_a_picture_is_like_itself() -> None:
 
 def test_depth_is_found_where_it_is_given() -> None:
     frames, true_m = room_frames(9)
-    found_m = swept_depths_m(frames)
+    found_m = plane_sweep_depths_m(frames)
     known = [found > 0 for found in found_m]
     assert np.mean(known) > 0.7
     off = np.concatenate(
@@ -61,8 +61,8 @@ def test_cameras_that_only_turn_find_nothing() -> None:
         )
         for frame in frames
     ]
-    assert not np.any(swept_depths_m(standing))
+    assert not np.any(plane_sweep_depths_m(standing))
 
 
 def test_one_picture_finds_nothing() -> None:
-    assert not np.any(swept_depths_m(room_frames(1)[0]))
+    assert not np.any(plane_sweep_depths_m(room_frames(1)[0]))

@@ -1,5 +1,5 @@
 # pyright: basic
-"""How unlike two pictures are, seen by way of a plane."""
+"""How much two pictures differ when one is warped onto the other through a plane."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def differences(photo, other, other_from_here, out):
-    """Fill `out` (planes, h, w) with mean absolute differences of colours; 1 outside of `other`.
+def plane_differences(photo, other, other_from_here, out):
+    """Fill `out` (planes, h, w) with mean absolute differences of colours; 1 outside `other`.
 
     `other_from_here` (planes, 3, 3) are homographies between pixels with corner origin.
     """

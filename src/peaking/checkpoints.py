@@ -1,7 +1,7 @@
-"""Learned weights: which files there can be, where they lie, their licences; none comes with us.
+"""Checkpoints of networks: which files are known, where to put them, and their licences.
 
-Nothing here fetches anything. Weights lie in one folder (`weights_folder`); models of the Hugging
-Face hub may lie in its cache as well.
+Peaking includes none and downloads none. They lie in one folder (`checkpoints_folder`); models of
+the Hugging Face hub may also lie in its cache.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from peaking.errors import WeightsError
+from peaking.errors import CheckpointError
 
 DEPTH_MODEL = "depth-anything/Depth-Anything-V2-Small-hf"
 """The default depth estimator."""
 
 DIGEST_LENGTH = 64
-"""Of SHA-256 in hexadecimal: names of other lengths in the cache are no digests of contents."""
+"""Length of a SHA-256 in hexadecimal; a name of another length in the cache is not one."""
 
 State = Literal["ok", "missing", "not published", "wrong"]
-"""`not published`: is there, and no hash of its authors is known to compare with."""
+"""`not published`: the file is there, but its authors' hash is not known."""
 
 
 @dataclass(frozen=True)
-class KnownWeights:
-    """Something that can be brought.
+class KnownCheckpoint:
+    """A checkpoint that peaking can use.
 
     Attributes:
-        name: What options call it.
-        file: Its file, below the folder of weights.
-        purpose: What it does here.
-        licence: Of the weights, and who says so.
-        source: Where its authors offer it.
-        sha256: Of the file, where its authors' page says it.
+        name: Its name in options.
+        file: Its path below the folder of checkpoints.
+        purpose: What it is used for.
+        licence: Of the checkpoint, and where that is written.
+        source: Where its authors publish it.
+        sha256: Of the file, where its authors' page gives it.
     """
 
     name: str
@@ -53,78 +53,78 @@ _ADAMPI = (
 _ADAMPI_LICENCE = "personal, research and other non-commercial use only (README of its repository)"
 
 KNOWN = (
-    KnownWeights(
+    KnownCheckpoint(
         "adampi, 32 planes",
         "adampi_32p.pth",
         "generator, as in the paper",
         _ADAMPI_LICENCE,
-        f"{_ADAMPI}; its name there was not checked, rename it where it differs",
+        f"{_ADAMPI}; rename the file if it has another name there",
     ),
-    KnownWeights(
-        "adampi, 64 planes", "adampi_64p.pth", "generator, finer", _ADAMPI_LICENCE, _ADAMPI
+    KnownCheckpoint(
+        "adampi, 64 planes", "adampi_64p.pth", "the same with 64 planes", _ADAMPI_LICENCE, _ADAMPI
     ),
-    KnownWeights(
+    KnownCheckpoint(
         DEPTH_MODEL,
         "Depth-Anything-V2-Small-hf/model.safetensors",
-        "depth of pictures without it",
+        "estimates depth for pictures without depth",
         "Apache-2.0 (its card)",
         f"https://huggingface.co/{DEPTH_MODEL}",
         "3152477ce0d8d6978d76b995120de97cb5b928701fd0f817769f59e249a16b70",
     ),
-    KnownWeights(
+    KnownCheckpoint(
         "depth-anything/Depth-Anything-V2-Base-hf",
         "Depth-Anything-V2-Base-hf/model.safetensors",
-        "the same, finer and slower",
+        "the same, more detailed and slower",
         "CC-BY-NC-4.0, non-commercial (its card)",
         "https://huggingface.co/depth-anything/Depth-Anything-V2-Base-hf",
     ),
-    KnownWeights(
+    KnownCheckpoint(
         "depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf",
         "Depth-Anything-V2-Metric-Indoor-Small-hf/model.safetensors",
-        "the same as Small, guesses metres (rooms)",
+        "the same as Small, but estimates metres (indoors)",
         "not checked: its card names none (its authors' repository: Small is Apache-2.0)",
         "https://huggingface.co/depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf",
     ),
 )
-"""Looked up on the authors' pages in November 2026; what was not found there is `not checked`."""
+"""As on the authors' pages in November 2026; `not checked` marks what they do not say."""
 
 
-def weights_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder for weights: `PEAKING_WEIGHTS`, or `peaking/weights` among user data."""
-    if given := environment.get("PEAKING_WEIGHTS"):
+def checkpoints_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return `PEAKING_CHECKPOINTS`, or `peaking/checkpoints` in the user's data folder."""
+    if given := environment.get("PEAKING_CHECKPOINTS"):
         return Path(given)
     data = environment.get("XDG_DATA_HOME") or str(Path.home() / ".local/share")
-    return Path(data) / "peaking/weights"
+    return Path(data) / "peaking/checkpoints"
 
 
 def adampi_file(num_planes: int, folder: Path | None = None) -> Path:
-    """Return where the AdaMPI weights for so many planes are looked for."""
-    return (folder or weights_folder()) / f"adampi_{num_planes}p.pth"
+    """Return the path of the AdaMPI checkpoint for this number of planes."""
+    return (folder or checkpoints_folder()) / f"adampi_{num_planes}p.pth"
 
 
 def depth_model_folder(model: str, folder: Path | None = None) -> Path:
-    """Find a depth model: a folder, one below the folder of weights, or in the hub's cache.
+    """Find a depth model: a folder, one below the folder of checkpoints, or one in the hub's cache.
 
     Args:
         model: A path, or a name of the Hugging Face hub (`owner/name`).
-        folder: Of weights.
+        folder: Of checkpoints.
 
     Raises:
-        WeightsError: It is nowhere; says what to put where.
+        CheckpointError: It is not found; the message says what to put where.
     """
-    for place in (Path(model), (folder or weights_folder()) / Path(model).name, _in_hub(model)):
+    for place in (Path(model), (folder or checkpoints_folder()) / Path(model).name, _in_hub(model)):
         if place is not None and (place / "config.json").is_file():
             return place
-    where = (folder or weights_folder()) / Path(model).name
-    raise WeightsError(
+    where = (folder or checkpoints_folder()) / Path(model).name
+    raise CheckpointError(
         f"{model}: the depth model is not here, and peaking downloads nothing; put its "
         f"config.json, preprocessor_config.json and model.safetensors "
         f"(https://huggingface.co/{model}) into {where}"
     )
 
 
-def file_of(known: KnownWeights, folder: Path) -> Path | None:
-    """Return where weights lie, or None."""
+def file_of(known: KnownCheckpoint, folder: Path) -> Path | None:
+    """Return the path of a checkpoint's file, or None."""
     path = folder / known.file
     if path.is_file():
         return path
@@ -133,8 +133,8 @@ def file_of(known: KnownWeights, folder: Path) -> Path | None:
     return path if path.is_file() else None
 
 
-def state_of(known: KnownWeights, folder: Path) -> State:
-    """Look for weights, and compare them with the hash that their authors published."""
+def state_of(known: KnownCheckpoint, folder: Path) -> State:
+    """Look for a checkpoint, and compare it with the hash that its authors published."""
     path = file_of(known, folder)
     if path is None:
         return "missing"
@@ -147,8 +147,8 @@ def state_of(known: KnownWeights, folder: Path) -> State:
 def published_sha256(path: Path) -> str | None:
     """Return the hash that the hub gave with a file, or None.
 
-    The hub's cache names contents by their SHA-256 and links to them; downloads into a folder note
-    it in `.cache/huggingface/download/NAME.metadata`, second line.
+    The hub's cache names files by their SHA-256 and links to them; a download into a folder writes
+    it to `.cache/huggingface/download/NAME.metadata`, second line.
     """
     if path.is_symlink() and len(path.resolve().name) == DIGEST_LENGTH:
         return path.resolve().name
