@@ -295,6 +295,6 @@ def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
     monkeypatch.setattr(view_builder, "create_estimator", simulated)
     estimated = ["--depth-model", "simulated"]
     main(["generate", str(scene), "--out", str(tmp_path / "a.mpi"), *estimated])
-    assert "of a guessed scale" in capsys.readouterr().out
+    assert "its scale is a guess" in capsys.readouterr().out
     main(["replay", str(scene), "--out", str(tmp_path / "out"), "--no-video", *estimated])
     assert len(open_recording(tmp_path / "out/captured")) >= 1
