@@ -6,7 +6,7 @@ python examples/train_gaussians.py scenes/desk out/desk.ply 500
 import sys
 from pathlib import Path
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.frame import working_size_px
 from peaking.splat.options import SplatOptions
 from peaking.splat.ply import write_ply

@@ -10,15 +10,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.geometry import Rigid
 from peaking.mpi_file import read_mpi, write_mpi
-from peaking.pipeline import LocalLightField
-from peaking.render import render
+from peaking.rendering import render
+from peaking.view_builder import ViewBuilder
 
 scene, mpi_file, picture = (Path(name) for name in sys.argv[1:4])
 frame = open_recording(scene).read(0)
-write_mpi(mpi_file, LocalLightField().mpi_of(frame))
+write_mpi(mpi_file, ViewBuilder().generate(frame))
 
 mpi = read_mpi(mpi_file)
 cam_from_aside = Rigid(np.eye(3), np.array([0.1, 0.0, 0.0]))

@@ -6,16 +6,16 @@ python examples/what_is_missing.py scenes/desk
 import sys
 from pathlib import Path
 
-from peaking.datasets.nerfstudio import open_recording
-from peaking.pipeline import LocalLightField
+from peaking.datasets import open_recording
+from peaking.pipeline import Reconstruction
 
 recording = open_recording(Path(sys.argv[1]))
-light_field = LocalLightField()
-light_field.add_view(recording.read(0))
+scene = Reconstruction()
+scene.add_view(recording.read(0))
 
 for index in range(0, len(recording), max(len(recording) // 10, 1)):
-    live = light_field.prepare(recording.read(index))
-    errors = light_field.see(live.rgb, live.camera).errors
+    live = scene.prepare(recording.read(index))
+    errors = scene.compare(live.rgb, live.camera).errors
     print(
         f"frame {index:4}: {errors.peaked_share:6.1%} of the pixels are wrong, "
         f"{errors.missing_share:6.1%} were never seen"

@@ -14,17 +14,17 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.depth import complete
 from peaking.error_map import compare
 from peaking.frame import Frame
-from peaking.generate.layered import Layered
+from peaking.generators.layered import Layered
 from peaking.geometry import Camera, Pinhole, Rigid, World, source_from_target
 from peaking.mpi import CELL_PX, TILE_PX, Mpi, tile_grid
-from peaking.pipeline import LocalLightField
-from peaking.presets import DEFAULT
-from peaking.render import Rendering, render
-from peaking.render.blend import blend
+from peaking.options import DEFAULT
+from peaking.pipeline import Reconstruction
+from peaking.rendering import Rendering, render
+from peaking.rendering.blend import blend
 from recordings import write_recording
 
 ROOT = Path(__file__).parent.parent
@@ -56,7 +56,7 @@ def one_plane(rgba: np.ndarray, depth_m: float = 2.0) -> Mpi:
 @holds("Axes of a camera")
 def test_axes_of_a_camera() -> None:
     """What is to the right, below and ahead has growing x, y and depth."""
-    pixels, depth_m = HERE.px_from_world(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 2.0]]))
+    pixels, depth_m = HERE.project(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 2.0]]))
     assert pixels[0, 0] > PINHOLE.cx_px
     assert pixels[1, 1] > PINHOLE.cy_px
     assert depth_m[1] > depth_m[0] > 0
@@ -80,7 +80,7 @@ def test_nothing_depends_on_where_up_is(tmp_path: Path) -> None:
     there = Rigid(cv2.Rodrigues(np.array([2.0, 0.7, -0.4]))[0], np.array([3.0, -20.0, 7.0]))
     shares: list[tuple[float, float]] = []
     for moves in (Rigid.identity(), there):
-        scene = LocalLightField(replace(DEFAULT, pixels=64 * 48, num_planes=8))
+        scene = Reconstruction(replace(DEFAULT, pixels=64 * 48, num_planes=8))
         frames = [
             replace(
                 frame,
@@ -90,7 +90,7 @@ def test_nothing_depends_on_where_up_is(tmp_path: Path) -> None:
         ]
         for frame in frames[:2]:
             scene.add_view(frame)
-        errors = scene.see(frames[2].rgb, frames[2].camera).errors
+        errors = scene.compare(frames[2].rgb, frames[2].camera).errors
         shares.append((errors.peaked_share, errors.missing_share))
     assert shares[0][1] > 0
     np.testing.assert_allclose(shares[0], shares[1], atol=A_FEW_PIXELS)
@@ -114,7 +114,7 @@ def test_lengths_are_metres() -> None:
     """10 cm to the side move what is 2 m away by 2.5 of 50 pixels of focal length."""
     aside = Camera(PINHOLE, Rigid(np.eye(3), np.array([0.1, 0.0, 0.0])))
     point_m = np.array([[0.0, 0.0, 2.0]])
-    moved_px = HERE.px_from_world(point_m)[0] - aside.px_from_world(point_m)[0]
+    moved_px = HERE.project(point_m)[0] - aside.project(point_m)[0]
     np.testing.assert_allclose(moved_px, [[2.5, 0.0]])
 
 
@@ -134,7 +134,7 @@ def test_no_name_has_another_unit_of_length() -> None:
 @holds("Pixels")
 def test_points_are_x_before_y_and_arrays_rows_before_columns() -> None:
     assert PINHOLE.pixel_centers().shape == (PINHOLE.height_px, PINHOLE.width_px, 2)
-    to_the_right, _ = HERE.px_from_world(np.array([[0.2, 0.0, 1.0]]))
+    to_the_right, _ = HERE.project(np.array([[0.2, 0.0, 1.0]]))
     np.testing.assert_allclose(to_the_right, [[PINHOLE.cx_px + 10, PINHOLE.cy_px]])
 
 
@@ -289,7 +289,7 @@ def test_error_and_peaked_share() -> None:
     rgba[..., 3] = 1
     live = np.zeros((1, 4, 3), np.uint8)
     live[0, 0] = 255
-    errors = compare(Rendering(rgba, np.ones((1, 4), np.float32)), live)
+    errors = compare(Rendering(rgba, np.ones((1, 4), np.float32)), live, shift_px=0)
     assert errors.error[0, 0] == pytest.approx(3.0)
     assert errors.peaked_share == 0.25
 
@@ -302,7 +302,7 @@ CLOCKS = {
 CHANCE = {"random", "secrets", "uuid"}
 """Modules that draw from a generator of their own."""
 
-AT_THE_COMMAND_LINE = ("cli.py", "commands/", "bench/")
+AT_THE_COMMAND_LINE = ("cli.py", "commands/", "benchmarks/")
 
 
 @holds("Random numbers and time")

@@ -27,7 +27,7 @@ from corpus.write import (
     upload,
 )
 from peaking.cli import main
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.mpi_file import decode
 from peaking.server.app import ServerConfig, create_app
 from peaking.server.sessions import SessionStore

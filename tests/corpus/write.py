@@ -27,8 +27,8 @@ import peaking
 from capture_uploads import body_of, capture_id, header, points_m
 from peaking.cli import main
 from peaking.mpi_file import read_mpi
+from peaking.options import DEFAULT
 from peaking.output import encode_jpeg
-from peaking.presets import DEFAULT
 from peaking.server.app import ServerConfig, create_app
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore

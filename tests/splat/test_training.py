@@ -8,9 +8,9 @@ import numba
 import numpy as np
 import pytest
 
-from peaking.evaluate.metrics import psnr
 from peaking.frame import Frame
 from peaking.geometry import Pinhole
+from peaking.metrics.psnr_ssim import psnr
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.loss import loss_and_gradient, ssim_and_gradient
 from peaking.splat.options import SplatOptions

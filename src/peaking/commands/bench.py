@@ -36,9 +36,9 @@ class Bench:
         """Measure, print a table, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.stages import run
+        from peaking.benchmarks.stages import run
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.output import write_atomically
 
         recordings = [open_recording(scene) for scene in scenes_or_sample(self.scenes)]

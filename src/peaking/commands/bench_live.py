@@ -38,9 +38,9 @@ class BenchLive:
         """Measure, print, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.live import LivePlan, run
+        from peaking.benchmarks.live import LivePlan, run
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.output import write_atomically
 
         plan = LivePlan(

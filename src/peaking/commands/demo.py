@@ -42,7 +42,7 @@ class Demo:
         import ipaddress
         import webbrowser
 
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
         from peaking.server.run import CLIENT_DIR, bind, serve

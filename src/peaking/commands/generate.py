@@ -35,14 +35,14 @@ class Generate:
 
     def run(self) -> None:
         """Generate and write."""
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.mpi_file import write_mpi
-        from peaking.pipeline import LocalLightField
+        from peaking.view_builder import ViewBuilder
 
         recording = open_recording(self.scene)
         if not 0 <= self.frame < len(recording):
             raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
-        made = LocalLightField(self.method.options()).captured(recording.read(self.frame))
+        made = ViewBuilder(self.method.options()).build(recording.read(self.frame))
         mpi = made.mpi
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px

@@ -36,21 +36,21 @@ class Quality:
         from tqdm import tqdm
 
         import peaking
+        from peaking.benchmarks import depth_completion, single_view
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.evaluate import depth_quality, single_view
         from peaking.output import write_atomically
 
         scenes = scenes_or_sample(self.scenes)
         document: dict[str, object] = {"version": peaking.__version__, "pairs": self.pairs}
         for scene in tqdm(scenes, desc="quality", unit="scene"):
             views = single_view.single_view_quality(scene, pairs_per_distance=self.pairs)
-            depths = depth_quality.depth_quality(scene)
+            depths = depth_completion.depth_quality(scene)
             name = scene.resolve().name
             document[name] = {
                 "single_view": single_view.as_dict(views),
-                "depth": depth_quality.as_dict(depths),
+                "depth": depth_completion.as_dict(depths),
             }
             tqdm.write(f"\n## {name}: one view to a neighbour\n\n{single_view.as_markdown(views)}")
-            tqdm.write(f"\n## {name}: depth completion\n\n{depth_quality.as_markdown(depths)}")
+            tqdm.write(f"\n## {name}: depth completion\n\n{depth_completion.as_markdown(depths)}")
         if self.json is not None:
             write_atomically(self.json, (json.dumps(document, indent=2) + "\n").encode())

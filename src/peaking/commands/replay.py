@@ -10,18 +10,21 @@ from typing import Annotated, Literal
 import tyro
 
 from peaking.commands.options import MethodFlags
+from peaking.options import PAPER_PEAKED_SHARE
 
 STARTING = "starting (the first run compiles for half a minute)"
+PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 COMPILED_AFTER = 2
 """The first frame is captured and the second one looked at: by then all kernels are there."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Walk a recording as a photographer who shoots whenever too much is red.
+    """Walk a recording and capture the frames that a policy takes.
 
-    Takes the first frame, then every frame whose peaked share exceeds the threshold. With --guide
-    it scans the recording for the nearest depth first, and takes the frames at the guide's targets.
+    By default the paper's: the first frame, then every frame whose peaked share exceeds the
+    threshold. With --guide it scans the recording for the nearest depth first, and takes the frames
+    at the guide's targets.
     Writes overlay.mp4, frames.csv, summary.json, report.html and captured/ (a data set of the
     chosen views).
 
@@ -29,6 +32,7 @@ class Replay:
       peaking replay scenes/desk --out out/desk
       peaking replay scenes/desk --out out/paper --preset paper
       peaking replay ~/recordings/kitchen --out out/k --threshold 0.03 --overlay video
+      peaking replay scenes/desk --out out/best12 --policy peaking --views 12
       peaking replay scenes/desk --out out/llff --guide plenoptic --near 0.03
     """
 
@@ -36,8 +40,16 @@ class Replay:
     """A nerfstudio folder: transforms.json, pictures, depth in 16-bit millimetres."""
     out: Path
     """Folder to write; it must not exist, or be empty."""
-    threshold: float = 0.0428
-    """Peaked share, 0…1, above which a frame is captured (the paper's 4.28 %)."""
+    policy: PolicyName = "threshold"
+    """Which frames are captured: `threshold` is the paper's rule, `peaking` our own."""
+    views: int | None = None
+    """How many views to choose; all policies but `threshold`, `plenoptic` and `all` need it."""
+    threshold: float = PAPER_PEAKED_SHARE
+    """Of `threshold`: peaked share, 0…1, above which a frame is captured (the paper's)."""
+    spacing_m: float | None = None
+    """Of `plenoptic` without --views: metres between views."""
+    seed: int = 0
+    """Of `random`."""
     guide: Literal["plenoptic", "planes", "hemisphere"] | None = None
     """Capture at the targets of a guide, LLFF's grid or another, instead of where it is red."""
     area: float = 0.15
@@ -60,18 +72,25 @@ class Replay:
         """Replay, and say where the report is."""
         from tqdm import tqdm
 
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.replay.guided import GuideChoice
-        from peaking.replay.run import ReplayPlan, replay
+        from peaking.replay.run import ReplayOptions, replay
         from peaking.replay.video import find_h264_encoder
+        from peaking.selection.registry import SelectionOptions
 
         if not self.no_video:
             find_h264_encoder()
-        plan = ReplayPlan(
+        how = ReplayOptions(
             recording=open_recording(self.scene),
             preset=self.method.preset,
-            options=self.method.options(),
-            threshold_share=self.threshold,
+            method=self.method.options(),
+            selection=SelectionOptions(
+                policy=self.policy,
+                num_views=self.views,
+                threshold_share=self.threshold,
+                spacing_m=self.spacing_m,
+                seed=self.seed,
+            ),
             max_frames=self.max_frames,
             overlay=self.overlay,
             fps=self.fps,
@@ -82,7 +101,7 @@ class Replay:
                 kind=self.guide, area_side_m=self.area, near_m=self.near, angle_deg=self.angle
             ),
         )
-        bar = tqdm(range(plan.num_frames), desc=STARTING, unit="frame")
+        bar = tqdm(range(how.num_frames), desc=STARTING, unit="frame")
 
         def shown(_: Iterable[int]) -> Iterator[int]:
             for index in bar:
@@ -91,7 +110,7 @@ class Replay:
                 yield index
 
         with bar:
-            summary = replay(plan, self.out, progress=shown)
+            summary = replay(how, self.out, progress=shown)
         mean = summary.mean_peaked_share
         share = "" if mean is None else f", {mean:.2%} of the pixels red on average"
         print(f"captured {summary.captured} of {summary.frames} frames{share}")

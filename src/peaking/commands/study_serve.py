@@ -44,7 +44,7 @@ class ServeStudy:
         """Serve until Ctrl-C."""
         import secrets
 
-        from peaking.presets import PRESETS
+        from peaking.options import PRESETS
         from peaking.server.app import ServerConfig, create_app
         from peaking.server.run import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore

@@ -112,7 +112,7 @@ def seen_points(points_m: Float64[np.ndarray, "n 3"], camera: Camera) -> Float64
     `BEHIND` times as far as the nearest point is left out. Where a cloud is so sparse that a square
     holds nothing of what hides a point, the point is kept.
     """
-    xy_px, depth_m = camera.px_from_world(points_m)
+    xy_px, depth_m = camera.project(points_m)
     size_px = np.array(camera.pinhole.size_px)
     inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < size_px)).all(axis=1)
     points_m, xy_px, depth_m = points_m[inside], xy_px[inside], depth_m[inside]

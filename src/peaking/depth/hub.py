@@ -18,8 +18,8 @@ import torch
 from jaxtyping import Float32, UInt8
 from transformers import AutoConfig, AutoModelForDepthEstimation
 
-from peaking.depth.estimator import DepthRuntime, Device
 from peaking.errors import BackendUnavailable, WeightsError
+from peaking.options import DepthRuntime, Device
 from peaking.weights import weights_folder
 
 METRIC_KINDS = ("zoedepth", "glpn")
