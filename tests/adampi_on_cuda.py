@@ -10,14 +10,14 @@ import logging
 import numpy as np
 import torch
 
-from peaking.generate.adampi.checkpoint import Checkpoint
-from peaking.generate.adampi.chunked import Chunks, forward_in_chunks
-from peaking.generate.adampi.generator import AdaMpi
-from peaking.generate.adampi.network import random_network
-from peaking.generate.by_name import Precision
+from peaking.generators.adampi.checkpoint import Checkpoint
+from peaking.generators.adampi.chunked import Chunks, forward_in_chunks
+from peaking.generators.adampi.generator import AdaMpi
+from peaking.generators.adampi.network import random_network
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
-from peaking.render import render
+from peaking.options import Precision
+from peaking.rendering import render
 
 SAME_AS_PROCESSOR = 5e-3
 """Of densities up to 11; TF32 is off. 9.6e-4 on an H100 (PyTorch 2.11)."""

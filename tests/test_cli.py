@@ -18,7 +18,7 @@ import pytest
 
 import peaking
 from peaking.cli import COMMANDS, main
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.mpi_file import read_mpi
 from recordings import write_recording
 
@@ -160,7 +160,7 @@ def test_max_frames_presets_and_overlays(room: Path, tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert summary["frames"] == 3
     assert summary["preset"] == "paper"
-    assert summary["options"]["weights"] == "paper"
+    assert summary["options"]["blend_weights"] == "paper"
     assert summary["options"]["overlay"] == "video"
 
 

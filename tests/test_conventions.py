@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.error_map import compare
-from peaking.generate.layered import Layered
+from peaking.generators.layered import Layered
 from peaking.geometry import Camera, Pinhole, Rigid, source_from_target
 from peaking.mpi import CELL_PX, TILE_PX, Mpi, tile_grid
-from peaking.render import Rendering, render
-from peaking.render.blend import blend
+from peaking.rendering import Rendering, render
+from peaking.rendering.blend import blend
 from recordings import write_recording
 
 PINHOLE = Pinhole(40, 30, 50.0, 50.0, 20.0, 15.0)
@@ -28,7 +28,7 @@ def one_plane(rgba: np.ndarray, depth_m: float = 2.0) -> Mpi:
 
 def test_axes_of_a_camera() -> None:
     """What is to the right, below and ahead has growing x, y and depth."""
-    pixels, depth_m = HERE.px_from_world(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 2.0]]))
+    pixels, depth_m = HERE.project(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 2.0]]))
     assert pixels[0, 0] > PINHOLE.cx_px
     assert pixels[1, 1] > PINHOLE.cy_px
     assert depth_m[1] > depth_m[0] > 0
@@ -133,6 +133,6 @@ def test_error_and_peaked_share() -> None:
     rgba[..., 3] = 1
     live = np.zeros((1, 4, 3), np.uint8)
     live[0, 0] = 255
-    errors = compare(Rendering(rgba, np.ones((1, 4), np.float32)), live)
+    errors = compare(Rendering(rgba, np.ones((1, 4), np.float32)), live, shift_px=0)
     assert errors.error[0, 0] == pytest.approx(3.0)
     assert errors.peaked_share == 0.25

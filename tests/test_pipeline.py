@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import Recording, open_recording
+from peaking.datasets import Recording, open_recording
 from peaking.errors import PeakingError
-from peaking.pipeline import LocalLightField
-from peaking.presets import DEFAULT, PAPER, PRESETS, Options
+from peaking.options import DEFAULT, PAPER, PRESETS, Options
+from peaking.pipeline import Reconstruction
 from peaking.timing import Stopwatch
 from recordings import write_recording
 
@@ -26,56 +26,56 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 @pytest.mark.parametrize("options", (DEFAULT, PAPER), ids=("default", "paper"))
 def test_at_a_captured_view_nothing_is_red(recording: Recording, options: Options) -> None:
-    scene = LocalLightField(replace(options, pixels=SMALL))
+    scene = Reconstruction(replace(options, pixels=SMALL))
     frame = recording.read(0)
     scene.add_view(frame)
     small = scene.prepare(frame)
-    seen = scene.see(small.rgb, small.camera)
+    seen = scene.compare(small.rgb, small.camera)
     assert seen.errors.peaked_share < 0.001
     assert seen.neighbours[0].weight == 1.0
 
 
 def test_the_next_view_takes_the_red_away(recording: Recording) -> None:
-    scene = LocalLightField(replace(DEFAULT, pixels=SMALL))
+    scene = Reconstruction(replace(DEFAULT, pixels=SMALL))
     scene.add_view(recording.read(0))
     last = scene.prepare(recording.read(len(recording) - 1))
-    before = scene.see(last.rgb, last.camera).errors
+    before = scene.compare(last.rgb, last.camera).errors
     scene.add_view(recording.read(len(recording) - 1))
-    after = scene.see(last.rgb, last.camera).errors
+    after = scene.compare(last.rgb, last.camera).errors
     assert before.peaked_share > 0.02
     assert after.peaked_share < before.peaked_share / 5
 
 
 def test_a_metric_mpi_has_the_depth_of_the_room(recording: Recording) -> None:
-    scene = LocalLightField(replace(DEFAULT, pixels=SMALL))
+    scene = Reconstruction(replace(DEFAULT, pixels=SMALL))
     frame = recording.read(2)
     assert frame.depth_m is not None
     scene.add_view(frame)
     small = scene.prepare(frame)
-    view, _ = scene.view_from(small.camera)
+    view = scene.render(small.camera)
     ratio = view.depth_m / frame.depth_m
     assert abs(np.median(ratio) - 1) < 0.01
 
 
 def test_a_frame_without_depth_is_refused_by_name(recording: Recording) -> None:
     frame = replace(recording.read(0), depth_m=None)
-    scene = LocalLightField(DEFAULT)
+    scene = Reconstruction(DEFAULT)
     with pytest.raises(PeakingError, match=f"{frame.name}: no metric depth"):
         scene.add_view(frame)
     assert scene.views == []
 
 
 def test_before_the_first_view_there_is_nothing_to_see(recording: Recording) -> None:
-    scene = LocalLightField(replace(DEFAULT, pixels=SMALL))
+    scene = Reconstruction(replace(DEFAULT, pixels=SMALL))
     small = scene.prepare(recording.read(0))
     with pytest.raises(ValueError, match="at least one captured view"):
-        scene.see(small.rgb, small.camera)
+        scene.compare(small.rgb, small.camera)
 
 
 def test_stages_are_timed_by_the_clock_that_is_handed_in(recording: Recording) -> None:
     ticks = iter(range(1000))
     watch = Stopwatch(lambda: float(next(ticks)))
-    scene = LocalLightField(replace(DEFAULT, pixels=SMALL), stopwatch=watch)
+    scene = Reconstruction(replace(DEFAULT, pixels=SMALL), stopwatch=watch)
     scene.add_view(recording.read(0))
     taken = watch.take()
     assert list(taken) == ["prepare", "complete", "generate", "align"]
@@ -87,7 +87,7 @@ def test_presets_differ_only_in_named_options() -> None:
     assert PAPER.neighbours == 3
     assert PAPER.error_threshold == 0.4
     assert PAPER.num_planes == 32
-    assert (PAPER.weights, PAPER.opacity, PAPER.align) == ("paper", "paper", "paper")
+    assert (PAPER.blend_weights, PAPER.opacity, PAPER.align) == ("paper", "paper", "paper")
     assert (PAPER.shift_px, PAPER.compensate_exposure) == (0, False)
     assert set(PRESETS) == {"default", "paper"}
     assert PRESETS["default"].generator == PRESETS["paper"].generator

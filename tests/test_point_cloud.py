@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from peaking.datasets.nerfstudio import open_recording, write_recording_subset
+from peaking.datasets import open_recording
 from peaking.datasets.point_cloud import (
     MAX_POINTS,
     check_points,
@@ -143,7 +143,7 @@ def test_where_there_is_a_depth_map_no_cloud_is_read(tmp_path: Path) -> None:
 
 def test_a_subset_keeps_the_clouds(folder: Path, tmp_path: Path) -> None:
     recording = open_recording(with_cloud(folder, in_frame=True))
-    subset = write_recording_subset(recording, [1, 2], tmp_path / "out")
+    subset = recording.write_subset([1, 2], tmp_path / "out")
     np.testing.assert_array_equal(
         np.asarray(subset.read(0).points_m), np.asarray(recording.read(1).points_m)
     )

@@ -9,9 +9,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 
 from peaking.geometry import Camera
-
-PAPER_PIXELS = 294 * 639
-"""Pixels of the paper's MPI; other aspects keep this number."""
+from peaking.options import PAPER_PIXELS
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def visible_points(
     `BEHIND` times as far as the nearest are left out. Where a cloud is so sparse that a square
     holds no point of the surface in front, the points behind it are kept.
     """
-    xy_px, depth_m = camera.px_from_world(points_m)
+    xy_px, depth_m = camera.project(points_m)
     size_px = np.array(camera.pinhole.size_px)
     inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < size_px)).all(axis=1)
     points_m, xy_px, depth_m = points_m[inside], xy_px[inside], depth_m[inside]

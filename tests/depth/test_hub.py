@@ -16,8 +16,9 @@ from peaking.checkpoints import (
     depth_model_folder,
     state_of,
 )
-from peaking.depth.estimator import DepthEstimator, estimator_named
+from peaking.depth.estimator import DepthEstimator
 from peaking.depth.hub import Preparation
+from peaking.depth.registry import create_estimator
 from peaking.errors import CheckpointError
 
 GREY = (0.5, 0.5, 0.5)
@@ -29,7 +30,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_folder_is_an_estimator(model: Path) -> None:
-    estimator = estimator_named(str(model), device="cpu")
+    estimator = create_estimator(str(model), device="cpu")
     assert isinstance(estimator, DepthEstimator)
     assert (estimator.name, estimator.metric) == ("tiny-hf", False)
     rgb = np.random.default_rng(0).integers(0, 255, (64, 48, 3)).astype(np.uint8)
@@ -40,7 +41,7 @@ def test_a_folder_is_an_estimator(model: Path) -> None:
 
 
 def test_a_metric_model_gives_one_over_metres(tmp_path: Path) -> None:
-    estimator = estimator_named(str(write_model(tmp_path, kind="metric")), device="cpu")
+    estimator = create_estimator(str(write_model(tmp_path, kind="metric")), device="cpu")
     assert estimator.metric
     disparity = estimator(np.zeros((48, 64, 3), np.uint8))
     assert disparity.min() >= 1 / 20 - 1e-6
@@ -70,7 +71,7 @@ def test_a_missing_model_is_said_with_what_to_put_where(
     monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path))
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
     with pytest.raises(CheckpointError) as caught:
-        estimator_named("someone/some-depth-hf")
+        create_estimator("someone/some-depth-hf")
     assert "downloads nothing" in str(caught.value)
     assert f"into {tmp_path / 'some-depth-hf'}" in str(caught.value)
 
@@ -80,14 +81,14 @@ def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     weights = tmp_path / "model.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(CheckpointError, match="cannot be read"):
-        estimator_named(str(tmp_path), device="cpu")
+        create_estimator(str(tmp_path), device="cpu")
 
 
 def test_a_pickle_in_place_of_safetensors_is_not_opened(tmp_path: Path) -> None:
     write_model(tmp_path)
     (tmp_path / "model.safetensors").rename(tmp_path / "pytorch_model.bin")
     with pytest.raises(CheckpointError, match="cannot be read"):
-        estimator_named(str(tmp_path), device="cpu")
+        create_estimator(str(tmp_path), device="cpu")
 
 
 def test_the_hub_s_cache_is_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.poses.colmap import (

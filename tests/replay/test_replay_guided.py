@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from peaking.cli import main
-from peaking.datasets.nerfstudio import Recording, open_recording
+from peaking.datasets import Recording, open_recording
 from peaking.errors import RecordingError
-from peaking.presets import DEFAULT
+from peaking.options import DEFAULT
 from peaking.replay.guided import GuideChoice, guided_walk
 from recordings import write_recording
 

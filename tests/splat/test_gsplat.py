@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import open_recording
-from peaking.evaluate.metrics import psnr
+from peaking.datasets import open_recording
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.metrics.psnr_ssim import psnr
 from peaking.splat._gsplat import GsplatOptimiser
 from peaking.splat._numba import NumbaOptimiser
 from peaking.splat.columns import NUM_COLUMNS

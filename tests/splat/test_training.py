@@ -8,9 +8,9 @@ import numba
 import numpy as np
 import pytest
 
-from peaking.evaluate.metrics import psnr
 from peaking.frame import Frame
 from peaking.geometry import Pinhole
+from peaking.metrics.psnr_ssim import psnr
 from peaking.splat.columns import MEANS
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.initial_points import initial_points

@@ -1,4 +1,4 @@
-/** Which captured views to render from, and how much each counts; twin of src/peaking/nearest.py. */
+/** Which captured views to render from, and how much each counts; twin of src/peaking/view_weights.py. */
 
 import { positionOf, type Camera } from './geometry';
 

@@ -100,7 +100,7 @@ export interface PeakedSamples {
   readonly samples: readonly PeakedSample[];
 }
 
-/** How a client renders and compares; the fields are those of `peaking.presets.Options`. */
+/** How a client renders and compares; the fields are those of `peaking.options.Options`. */
 export interface Options {
   readonly pixels: number;
   readonly num_planes: number;

@@ -35,11 +35,11 @@ class Bench:
         """Measure, print a table, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.stages import run
+        from peaking.benchmarks.stages import run
         from peaking.commands.arguments import ArgumentError
         from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
 
         if self.rounds < 1:
             raise ArgumentError(f"need --rounds of at least 1, got {self.rounds}")

@@ -35,7 +35,7 @@ class BenchGenerators:
         if self.rounds < 1:
             raise ArgumentError(f"need --rounds of at least 1, got {self.rounds}")
         try:
-            from peaking.bench.generators import run
+            from peaking.benchmarks.generators import run
 
             document = run(rounds=self.rounds, progress=lambda ways: tqdm(ways, desc="bench"))
         except ImportError as error:

@@ -38,11 +38,11 @@ class BenchLive:
         """Measure, print, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.live import LivePlan, run
+        from peaking.benchmarks.live import LivePlan, run
         from peaking.commands.arguments import ArgumentError
         from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
 
         if self.captures < 1 or not 2 <= self.phones_for_s < float("inf"):
             raise ArgumentError("need --captures of at least 1 and --phones-for-s of at least 2")

@@ -43,7 +43,7 @@ class Demo:
         import webbrowser
 
         from peaking.commands.serving import check_port, say_skipped
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
         from peaking.server.run import CLIENT_DIR, bind, serve

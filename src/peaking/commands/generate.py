@@ -36,18 +36,18 @@ class Generate:
 
     def run(self) -> None:
         """Generate and write."""
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.mpi_file import write_mpi
-        from peaking.pipeline import LocalLightField
+        from peaking.view_builder import ViewBuilder
 
         if not 1 <= self.quality <= 100:
             raise ArgumentError(f"need --quality of 1..100, got {self.quality}")
         with checked_arguments():
-            light_field = LocalLightField(self.method.options())
+            options = self.method.options()
         recording = open_recording(self.scene)
         if not 0 <= self.frame < len(recording):
             raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
-        made = light_field.captured(recording.read(self.frame))
+        made = ViewBuilder(options).build(recording.read(self.frame))
         mpi = made.mpi
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px

@@ -34,10 +34,10 @@ class Quality:
         """Measure, print tables, write the file."""
         from tqdm import tqdm
 
+        from peaking.benchmarks import depth_completion, single_view
         from peaking.commands.arguments import ArgumentError
         from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.evaluate import depth_quality, single_view
 
         if self.pairs < 1:
             raise ArgumentError(f"need --pairs of at least 1, got {self.pairs}")
@@ -45,14 +45,14 @@ class Quality:
         measured: dict[str, object] = {}
         for scene in tqdm(scenes, desc="quality", unit="scene"):
             views = single_view.single_view_quality(scene, pairs_per_distance=self.pairs)
-            depths = depth_quality.depth_quality(scene)
+            depths = depth_completion.depth_quality(scene)
             name = scene.resolve().name
             measured[name] = {
                 "single_view": single_view.as_dict(views),
-                "depth": depth_quality.as_dict(depths),
+                "depth": depth_completion.as_dict(depths),
             }
             tqdm.write(
                 f"\n## {name}: from one view to a neighbour\n\n{single_view.as_markdown(views)}"
             )
-            tqdm.write(f"\n## {name}: depth completion\n\n{depth_quality.as_markdown(depths)}")
+            tqdm.write(f"\n## {name}: depth completion\n\n{depth_completion.as_markdown(depths)}")
         write_results(self, {"scenes": measured})

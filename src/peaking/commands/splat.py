@@ -168,7 +168,7 @@ class Splat:
         """Return the chosen frames and, from COLMAP, points."""
         import numpy as np
 
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
 
         recording = open_recording(self.scene)
         count = min(self.views or len(recording), len(recording))
@@ -212,7 +212,7 @@ class Splat:
 def _mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
     import numpy as np
 
-    from peaking.evaluate.metrics import psnr
+    from peaking.metrics.psnr_ssim import psnr
     from peaking.splat.rasterise import render
 
     return float(

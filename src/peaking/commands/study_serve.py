@@ -40,7 +40,7 @@ class ServeStudy:
         import secrets
 
         from peaking.commands.serving import check_port, https_origins, say_skipped
-        from peaking.presets import PRESETS
+        from peaking.options import PRESETS
         from peaking.server.app import ServerConfig, create_app
         from peaking.server.run import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore

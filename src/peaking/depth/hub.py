@@ -19,8 +19,8 @@ from jaxtyping import Float32, UInt8
 from transformers import AutoConfig, AutoModelForDepthEstimation
 
 from peaking.checkpoints import checkpoints_folder
-from peaking.depth.estimator import DepthRuntime, Device
 from peaking.errors import BackendUnavailable, CheckpointError
+from peaking.options import DepthRuntime, Device
 
 METRIC_KINDS = ("zoedepth", "glpn")
 """Architectures that give metres always; of others the configuration says it."""

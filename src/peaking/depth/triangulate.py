@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from peaking.depth.metric import Evidence
+from peaking.depth.scale_shift import Evidence
 from peaking.frame import Frame
 
 FEATURES = 2000
@@ -76,9 +76,8 @@ def _met(
 def _reprojection_px(
     points_m: Float64[np.ndarray, "n 3"], frame: Frame, seen_px: Float64[np.ndarray, "n 2"]
 ) -> Float64[np.ndarray, "n"]:
-    in_camera_m = frame.camera.world_from_cam.inverse().apply(points_m)
-    projected = in_camera_m @ frame.camera.pinhole.px_from_cam.T
-    return np.linalg.norm(projected[:, :2] / projected[:, 2:] - seen_px, axis=1)
+    """Return how far from where they were seen points project; NaN for those behind."""
+    return np.linalg.norm(frame.camera.project(points_m)[0] - seen_px, axis=1)
 
 
 def _features(

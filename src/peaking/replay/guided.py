@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from peaking.datasets.nerfstudio import Recording
+from peaking.datasets import Recording
 from peaking.errors import RecordingError
 from peaking.frame import working_size_px
 from peaking.geometry import Camera
@@ -21,7 +21,7 @@ from peaking.guidance.hemisphere import hemisphere
 from peaking.guidance.planes import plane_stack
 from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
 from peaking.guidance.scan import DepthScan, middle_depth_m
-from peaking.presets import Options
+from peaking.options import Options
 
 GuideKind = Literal["plenoptic", "planes", "hemisphere"]
 
@@ -174,4 +174,4 @@ def _frames_of_targets(guide: Guide, cameras: dict[int, Camera]) -> dict[int, in
 
 
 def _refused(recording: Recording, problem: str, remedy: str) -> RecordingError:
-    return RecordingError(recording.root / "transforms.json", problem, remedy=remedy)
+    return RecordingError(recording.path, problem, remedy=remedy)

@@ -25,8 +25,8 @@ from starlette.staticfiles import StaticFiles
 import peaking
 from peaking.datasets.stored_images import read_picture
 from peaking.errors import PeakingError
+from peaking.options import DEFAULT, Options
 from peaking.output import encode_jpeg, write_atomically
-from peaking.presets import DEFAULT, Options
 from peaking.server import wire
 from peaking.server.answers import event_stream, json_answer, problem
 from peaking.server.auth import COOKIE, Guard

@@ -171,7 +171,7 @@ class PeakedSamples(Struct, frozen=True):
 
 
 class Options(Struct, frozen=True):
-    """How a client renders and compares; the fields are those of `peaking.presets.Options`."""
+    """How a client renders and compares; the fields are those of `peaking.options.Options`."""
 
     pixels: int
     num_planes: int
