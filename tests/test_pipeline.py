@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from peaking.commands.options import MethodFlags
 from peaking.datasets import Recording, open_recording
 from peaking.errors import PeakingError
 from peaking.options import DEFAULT, PAPER, PRESETS, Options
 from peaking.pipeline import Reconstruction
 from peaking.timing import Stopwatch
+from peaking.view_weights import Neighbour
 from recordings import write_recording
 
 SMALL = 160 * 120
@@ -83,14 +86,68 @@ def test_stages_are_timed_by_the_clock_that_is_handed_in(recording: Recording) -
     assert watch.take() == {}
 
 
-def test_presets_differ_only_in_named_options() -> None:
-    assert PAPER.neighbours == 3
-    assert PAPER.error_threshold == 0.4
-    assert PAPER.num_planes == 32
-    assert (PAPER.blend_weights, PAPER.opacity, PAPER.align) == ("paper", "paper", "paper")
-    assert (PAPER.shift_px, PAPER.compensate_exposure) == (0, False)
+def light_field_of(options: Options, recording: Recording, views: Sequence[int]) -> Reconstruction:
+    field = Reconstruction(replace(options, pixels=SMALL))
+    for index in views:
+        field.add_view(recording.read(index))
+    return field
+
+
+def test_each_difference_between_the_presets_is_an_option_of_the_command_line() -> None:
+    differ = {
+        field.name: getattr(PAPER, field.name)
+        for field in fields(Options)
+        if getattr(PAPER, field.name) != getattr(DEFAULT, field.name)
+    }
+    assert differ
+    assert MethodFlags(preset="default", **differ).options() == PAPER
+    assert MethodFlags(preset="paper").options() == PAPER
+    assert MethodFlags().options() == DEFAULT
     assert set(PRESETS) == {"default", "paper"}
-    assert PRESETS["default"].generator == PRESETS["paper"].generator
+
+
+def test_the_paper_counts_an_exposure_and_a_pixel_of_displacement_as_errors(
+    recording: Recording,
+) -> None:
+    """Neither goes away by taking more views, so the default forgives them."""
+    small = light_field_of(PAPER, recording, []).prepare(recording.read(2))
+    darker = (0.6 * small.rgb).astype(np.uint8)
+    displaced = np.hstack([small.rgb[:, :1], small.rgb[:, :-1]])
+    shares = {
+        (name, live): light_field_of(options, recording, [2]).compare(rgb, small.camera).errors
+        for name, options in (("paper", PAPER), ("default", DEFAULT))
+        for live, rgb in (("darker", darker), ("displaced", displaced))
+    }
+    peaked = {key: errors.peaked_share for key, errors in shares.items()}
+    assert peaked["paper", "darker"] > 0.5
+    assert peaked["default", "darker"] < 0.01
+    assert peaked["paper", "displaced"] > 0.003
+    assert peaked["default", "displaced"] == 0
+
+
+def test_the_paper_blends_three_views_and_dims_what_some_did_not_see(recording: Recording) -> None:
+    """The default blends four, and shows what one of them saw in full."""
+    target = light_field_of(PAPER, recording, []).prepare(recording.read(5))
+    views = [0, 1, 2, 3, 4]
+    paper, in_full, default = (
+        light_field_of(options, recording, views).compare(target.rgb, target.camera)
+        for options in (PAPER, replace(PAPER, opacity=DEFAULT.opacity), DEFAULT)
+    )
+    assert (len(paper.neighbours), len(default.neighbours)) == (3, 4)
+    assert (paper.rendering.alpha <= in_full.rendering.alpha + 1e-6).all()
+    assert (paper.rendering.alpha < in_full.rendering.alpha - 0.1).mean() > 0.01
+
+
+def test_at_a_captured_view_the_default_shows_that_view_alone(recording: Recording) -> None:
+    """The paper's weights, exp(-l/γ), leave it 1 / (1 + 2/e) beside two views 5 cm away."""
+    nearest: dict[str, Neighbour] = {}
+    for name, options in (("paper", PAPER), ("default", DEFAULT)):
+        scene = light_field_of(options, recording, [0, 1, 2, 3, 4])
+        target = scene.prepare(recording.read(2))
+        nearest[name] = scene.compare(target.rgb, target.camera).neighbours[0]
+    assert {neighbour.index for neighbour in nearest.values()} == {2}
+    assert nearest["paper"].weight == pytest.approx(1 / (1 + 2 / np.e), abs=0.01)
+    assert nearest["default"].weight > 0.9
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import math
 import os
 import secrets
 import shutil
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 
 import cv2
@@ -133,9 +133,9 @@ def _refuse_taken(target: Path, out: Path) -> None:
         raise OutputError(_sentence(error, out)) from error
 
 
-def _hidden_sibling(target: Path) -> Path:
+def _hidden_sibling(target: Path, token: Callable[[int], str] = secrets.token_hex) -> Path:
     """Return a free name on the same file system, where a rename is one step."""
-    return target.with_name(f".{target.name}.partial-{secrets.token_hex(4)}")
+    return target.with_name(f".{target.name}.partial-{token(4)}")
 
 
 @contextlib.contextmanager

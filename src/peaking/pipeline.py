@@ -12,8 +12,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from jaxtyping import UInt8
 
@@ -55,7 +53,7 @@ class Reconstruction:
         """
         self.options = options
         self.views: list[CapturedView] = []
-        self._stopwatch = stopwatch or Stopwatch(time.perf_counter)
+        self._stopwatch = stopwatch or Stopwatch()
         self.builder = ViewBuilder(
             options, stopwatch=self._stopwatch, generator=generator, estimator=estimator
         )

@@ -8,7 +8,6 @@ other views is handed in.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -53,7 +52,7 @@ class ViewBuilder:
             CheckpointError: Its checkpoint is missing or cannot be used.
         """
         self.options = options
-        self._stopwatch = stopwatch or Stopwatch(time.perf_counter)
+        self._stopwatch = stopwatch or Stopwatch()
         self._estimator = estimator
         if estimator is None and options.depth_model is not None:
             self._estimator = create_estimator(

@@ -25,6 +25,7 @@ from peaking.mpi import Mpi
 from peaking.options import DEFAULT
 from peaking.selection.mpi_files import MpiFiles
 from peaking.selection.recorded_frames import RecordedFrames
+from peaking.selection.threshold import taken_at
 
 SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
 

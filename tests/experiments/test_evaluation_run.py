@@ -187,6 +187,19 @@ def test_a_damaged_step_is_said_and_done_again(
     assert rows_of(out) == same(before)
 
 
+def test_steps_that_fit_nothing_any_more_are_said_once(
+    plan: EvaluationPlan, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    by_pose = replace(plan, strategies=("uniform",))
+    evaluate(by_pose, tmp_path / "out", InProcess())
+    assert "none of the" not in caplog.text
+    evaluate(replace(by_pose, views=(5,)), tmp_path / "out", InProcess())
+    other = replace(by_pose, options=replace(SMALL, neighbours=2))
+    evaluate(other, tmp_path / "elsewhere", InProcess())
+    assert caplog.text.count("none of the 2 steps that are kept here") == 1
+    assert str(tmp_path / "out" / "cache") in caplog.text
+
+
 def test_workers_find_the_same(plan: EvaluationPlan, tmp_path: Path) -> None:
     evaluate(plan, tmp_path / "here", InProcess())
     evaluate(plan, tmp_path / "there", ProcessPool(2))

@@ -19,7 +19,7 @@ from peaking.server.sessions import SessionStore
 
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
 PATIENCE_S = 90.0
-MOST_PAGES = 40
+MAX_PAGES = 40
 """Free pages that are tried: more than a capture, its MPI, transforms.json and folders take."""
 
 
@@ -133,7 +133,7 @@ def test_whatever_room_there_is_what_is_acknowledged_is_there(
     assert isinstance(disk, SmallDisk)
     kept: list[int] = []
     refused = 0
-    for pages in range(MOST_PAGES):
+    for pages in range(MAX_PAGES):
         disk.fill(server, free_pages=pages)
         status, _ = client.send(pages)
         assert status in (201, 507)
@@ -147,7 +147,7 @@ def test_whatever_room_there_is_what_is_acknowledged_is_there(
         assert [c["id"] for c in client.captures()] == [capture_id(number) for number in kept]
         disk.free(server)
     assert refused >= 3
-    assert len(kept) > MOST_PAGES / 2
+    assert len(kept) > MAX_PAGES / 2
     client.wait_until_ready(kept)
     check_that_it_opens(disk, server, kept)
 

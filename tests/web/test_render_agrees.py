@@ -97,7 +97,7 @@ def in_the_browser(
         "pixels",
         "num_planes",
         "neighbours",
-        "weights",
+        "blend_weights",
         "opacity",
         "error_threshold",
         "shift_px",

@@ -6,7 +6,7 @@ import base64
 import re
 import subprocess
 from collections.abc import Generator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from peaking.options import DEFAULT, Options
 from peaking.pipeline import Reconstruction
 from peaking.rendering import render
 from peaking.server.recordings import wire_of_camera
-from peaking.server.wire import Options as WireOptions
+from peaking.server.wire import options_for_clients
 from peaking.view_builder import ViewBuilder
 
 ROOT = Path(__file__).parents[2]
@@ -101,9 +101,8 @@ def scene_of(
 ) -> dict[str, Any]:
     opaque = np.full((*live.shape[:2], 1), 255, np.uint8)
     rgba = np.ascontiguousarray(np.concatenate([live, opaque], axis=-1)[::-1])
-    names = WireOptions.__struct_fields__
     return {
-        "options": {name: asdict(options)[name] for name in names},
+        "options": msgspec.to_builtins(options_for_clients(options)),
         "camera": msgspec.to_builtins(wire_of_camera(camera)),
         "live": base64_of(rgba.tobytes()),
         "mpis": [

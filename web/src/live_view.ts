@@ -17,6 +17,7 @@ import type { Options } from './wire';
 /** Why the shutter does nothing now; null when it works. */
 export type Hindrance = 'no-picture' | 'tracking-lost' | 'no-depth' | 'too-fast' | 'busy' | null;
 
+/** The object is used again at every frame. */
 export interface LiveState {
   readonly seen: Seen | null;
   readonly hindrance: Hindrance;
@@ -50,7 +51,7 @@ export class LiveView implements Disposable {
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
-  #state: LiveState = { seen: null, hindrance: 'no-picture', camera: null };
+  readonly #state: { -readonly [K in keyof LiveState]: LiveState[K] } = { seen: null, hindrance: 'no-picture', camera: null };
 
   constructor(
     gl: WebGL2RenderingContext,
@@ -99,7 +100,9 @@ export class LiveView implements Disposable {
       ? this.#renderer.redraw(frame, this.store, this.look, this.#state.seen)
       : this.#renderer.draw(frame, this.store, this.look);
     for (const id of seen.viewIds) this.timeline.mark(id, 'drawn', performance.now());
-    this.#state = { seen, hindrance: this.#hindrance(frame), camera: frame.camera };
+    this.#state.seen = seen;
+    this.#state.hindrance = this.#hindrance(frame);
+    this.#state.camera = frame.camera;
   }
 
   [Symbol.dispose](): void {

@@ -3,18 +3,18 @@
 import { CaptureDb } from './capture/capture_db';
 import { CaptureSession } from './capture/capture_session';
 import { chooseSource, type Choice } from './choose_source';
+import { openExtension } from './extensions';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
 import { LiveView, type Hindrance } from './live_view';
 import { Api } from './server/api';
-import type { FrameSource } from './sources/frame_source';
+import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
-import { StudyCapture } from './study/capture_study';
-import { guideNews } from './study/guide_news';
-import { Hud } from './ui/hud';
+import { Hud, type HudState } from './ui/hud';
+import { UNRESTRICTED } from './ui/hud_rules';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import type { ServerInfo } from './wire';
 
@@ -69,7 +69,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const info = await api.server();
   const query = new URLSearchParams(location.search);
   const choice = chooseSource(query, info.recordings, await canDoAr());
-  const study = await StudyCapture.open(api, query, choice.kind);
+  const extension = await openExtension({ api, query, source: choice.kind });
+  const rules = extension ?? UNRESTRICTED;
   const guideOptions = guideOptionsOf(query);
   for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
     key.hidden = key.dataset['only'] !== choice.kind;
@@ -79,17 +80,17 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     api,
     db: await CaptureDb.open(),
     source: choice.kind,
-    name: study?.sessionName ?? nameOf(choice),
+    name: extension?.session.name ?? nameOf(choice),
     device: navigator.userAgent.slice(0, 400),
-    sessionId: study?.sessionId ?? query.get('session'),
-    resume: study === null && choice.kind !== 'webxr',
+    sessionId: extension?.session.id ?? query.get('session'),
+    resume: extension === null && choice.kind !== 'webxr',
   });
   const gl = contextOf(stage);
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
   const shoot = (): void => {
-    if (study?.mayShoot !== false) live.shoot(() => { problem = null; hud.confirm(); });
+    if (rules.mayShoot) live.shoot(() => { problem = null; hud.confirm(); });
   };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
@@ -105,29 +106,34 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     finish: (name) => void session.finish(name),
     newSession: () => beginAnew(query),
     datasetUrl: session.datasetUrl,
-  }, replay, study);
-  study?.attach(live, session, overlay);
+  }, replay, rules);
+  extension?.attach({ live, session, overlay });
   window.peaking = inspectionOf(live, session, phone, guide);
 
   const notices = new Notices(info, api);
-  const onFrame = (frame: Parameters<LiveView['draw']>[0]): void => {
+  // Written anew at every frame, in which nothing is made.
+  const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
+    time_ms: 0, look: live.look, peakedShare: null, views: [], notice: null, canShoot: false,
+    sessionName: '',
+  };
+  const onFrame = (frame: LiveFrame): void => {
     live.draw(frame);
-    if (study?.guiding !== false) guide?.draw(frame);
+    if (extension?.showsGuide !== false) guide?.draw(frame);
     const { seen, hindrance, camera } = live.state;
     const { trouble, storageProblem, name, views } = session.snapshot;
-    hud.show({
-      time_ms: frame.time_ms,
-      look: live.look,
-      peakedShare: seen?.peakedShare ?? null,
-      views,
-      notice: notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble),
-      canShoot: hindrance === null && (guide?.canPress ?? true) && (study?.mayPress ?? true),
-      sessionName: name,
-    });
-    study?.see(guide === null ? null : guideNews(guide.state));
-    if (camera !== null && seen?.peakedShare != null) {
+    shown.time_ms = frame.time_ms;
+    shown.look = live.look;
+    shown.peakedShare = seen?.peakedShare ?? null;
+    shown.views = views;
+    shown.notice = notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble);
+    shown.canShoot = hindrance === null && (guide?.canPress ?? true) && rules.mayPress;
+    shown.sessionName = name;
+    hud.show(shown);
+    extension?.onFrame(guide?.state ?? null);
+    const time_s = Date.now() / 1000;
+    if (camera !== null && seen?.peakedShare != null && session.wantsPeaked(time_s)) {
       session.reportPeaked({
-        time_s: Date.now() / 1000,
+        time_s,
         peaked_share: seen.peakedShare,
         missing_share: seen.missingShare ?? 0,
         views: views.length,
@@ -137,13 +143,13 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   };
   for (;;) {
     if (choice.kind === 'webxr') {
-      await start.ask('Start the camera', study?.task ?? (guide === null ? FREELY : GUIDED));
+      await start.ask('Start the camera', extension?.task ?? (guide === null ? FREELY : GUIDED));
     }
     await source.run(gl, onFrame, new AbortController().signal);
     await new Promise<void>((resolve) => start.ended(resolve));
     // A new session of WebXR has another origin, so its views are no neighbours of the old ones.
     if (choice.kind === 'webxr') {
-      if (study === null) beginAnew(query);
+      if (extension === null) beginAnew(query);
       else location.reload();
     }
     start.hide();

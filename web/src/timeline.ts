@@ -12,13 +12,17 @@ export type Step = (typeof STEPS)[number];
 export type StepTimes = Readonly<Partial<Record<Step, number>>>;
 
 export class Timeline {
+  /** Goes up with every step that is noted. */
+  noted = 0;
   private readonly captures = new Map<string, Partial<Record<Step, number>>>();
 
   /** Note the first time that a capture reaches a step; later ones are ignored. */
   mark(captureId: string, step: Step, now_ms: number): void {
-    const times = this.captures.get(captureId) ?? {};
-    times[step] ??= now_ms;
-    this.captures.set(captureId, times);
+    const times = this.captures.get(captureId);
+    if (times?.[step] !== undefined) return;
+    this.noted += 1;
+    if (times === undefined) this.captures.set(captureId, { [step]: now_ms });
+    else times[step] = now_ms;
   }
 
   has(captureId: string, step: Step): boolean {

@@ -1,7 +1,22 @@
 // Generated from src/peaking/server/wire.py by `make wire`; do not edit.
 /* eslint-disable */
 
+/** Goes up when an older client would misunderstand; both sides refuse another version. */
 export const PROTOCOL = 1;
+/** Tracked points that come with one capture. */
+export const MAX_POINTS = 20000;
+/** Views that a client blends; `Options.neighbours` is never more. */
+export const MAX_NEIGHBOURS = 8;
+/** Targets that a person is asked to reach; a guide that needs more is refused. */
+export const MAX_GUIDED_TARGETS = 400;
+/** The paper's mean peaked share: below it, a view from here would not have been worth it. */
+export const PAPER_PEAKED_SHARE = 0.0428;
+/** A stream of events says something at least this often. */
+export const PING_S = 10;
+/** A client that hears nothing for so long takes the connection for dead, and connects again. */
+export const SILENCE_S = 35;
+/** Time constant with which what is shown follows what is measured, so that nothing flashes. */
+export const SETTLING_S = 0.2;
 
 /** Intrinsics in pixels, corner origin. */
 export interface Pinhole {
@@ -100,17 +115,18 @@ export interface PeakedSamples {
   readonly samples: readonly PeakedSample[];
 }
 
-/** How a client renders and compares; the fields are those of `peaking.options.Options`. */
+/** How a client renders and compares; the fields are those of `peaking.options.Options` without those that say how the server computes. */
 export interface Options {
   readonly pixels: number;
+  readonly generator: 'adampi' | 'layered';
   readonly num_planes: number;
+  readonly align: 'off' | 'paper' | 'robust';
   readonly neighbours: number;
-  readonly weights: 'overlap' | 'paper';
+  readonly blend_weights: 'overlap' | 'paper';
   readonly opacity: 'paper' | 'seen';
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
-  readonly generator: string;
   readonly depth_model?: string | null;
 }
 

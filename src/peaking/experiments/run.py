@@ -77,6 +77,8 @@ class Runner:
         unique = list(dict.fromkeys(steps))
         found = {step: known for step in unique if (known := self.cache.get(step)) is not None}
         missing = [step for step in unique if step not in found]
+        if missing:
+            self.cache.tell_if_none_fits()
         peaks_mb: dict[str, float] = {}
         for step, result in self.progress(self.executor.run(missing), len(missing), what):
             self.cache.keep(step, result)

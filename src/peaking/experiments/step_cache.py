@@ -6,6 +6,7 @@ import json
 import logging
 from pathlib import Path
 
+import peaking
 from peaking.experiments.plan import Step, key_of
 from peaking.experiments.steps import Found
 from peaking.output import write_atomically
@@ -19,6 +20,8 @@ class StepCache:
     def __init__(self, folder: Path) -> None:
         """Use a folder; it is made when something is kept."""
         self._folder = folder
+        self._held = len(list(folder.glob("*Step-*.json")))
+        self._used = 0
 
     def get(self, step: Step) -> Found | None:
         """Return what a step found, or None; a damaged file counts as none, and is said."""
@@ -30,7 +33,22 @@ class StepCache:
         except (OSError, ValueError) as error:
             LOG.warning("%s: damaged (%s); this step is done again", path, error)
             return None
-        return found if isinstance(found, dict) else None
+        if not isinstance(found, dict):
+            return None
+        self._used += 1
+        return found
+
+    def tell_if_none_fits(self) -> None:
+        """Say, once, that an earlier run was of something else, so that all of it is done again."""
+        if self._held and not self._used:
+            LOG.warning(
+                "%s: none of the %d steps that are kept here is of these recordings, these options "
+                "and peaking %s; all steps are done again",
+                self._folder,
+                self._held,
+                peaking.__version__,
+            )
+            self._held = 0
 
     def keep(self, step: Step, found: Found) -> None:
         """Keep what a step found.

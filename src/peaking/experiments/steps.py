@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
@@ -27,6 +27,9 @@ from peaking.selection.threshold import taken_at
 Found = dict[str, Any]
 """What a step found, as it is written to the cache: plain JSON. Its `took` is from `costs.took`."""
 
+Clock = Callable[[], float]
+"""In seconds."""
+
 REST: Mapping[type[Step], str] = {
     PlaceStep: "placing",
     CountStep: "choosing",
@@ -36,30 +39,39 @@ REST: Mapping[type[Step], str] = {
 """The kind of a step's seconds that are none of reading, generating, training, rendering."""
 
 
-def perform(step: Step) -> Found:
+def perform(
+    step: Step, *, processor_s: Clock = time.process_time, wall_s: Clock = time.perf_counter
+) -> Found:
     """Do a step.
+
+    Args:
+        step: What to do.
+        processor_s: Says what it costs.
+        wall_s: Says how long it takes.
 
     Raises:
         RecordingError: The recording cannot be used, or has too few frames.
         PeakingError: What was asked for is not installed.
     """
-    start_s = time.process_time()
+    start_s = processor_s()
     if isinstance(step, PlaceStep):
-        found, stages_ms, made = _place(step), {}, 0
+        found, stages_ms, made = _place(step, wall_s), {}, 0
     else:
         frames = _opened(step.scene, step.fingerprint, step.options, step.mpis)
-        found = _done(frames, step)
+        found = _done(frames, step, wall_s)
         stages_ms, made = frames.take_costs()
     if isinstance(step, ChooseStep | CountStep):
         stages_ms.pop("rendering", None)  # is a part of choosing
-    total_s = time.process_time() - start_s
+    total_s = processor_s() - start_s
     return {**found, "took": took(REST[type(step)], total_s, stages_ms, made)}
 
 
-def _done(frames: RecordedFrames, step: CountStep | ChooseStep | ScoreStep) -> Found:
+def _done(frames: RecordedFrames, step: CountStep | ChooseStep | ScoreStep, wall_s: Clock) -> Found:
     if isinstance(step, CountStep):
         return _count(frames, step)
-    return _choose(frames, step) if isinstance(step, ChooseStep) else _score(frames, step)
+    if isinstance(step, ChooseStep):
+        return _choose(frames, step, wall_s)
+    return _score(frames, step, wall_s)
 
 
 def usable_frames(frames: RecordedFrames) -> list[int]:
@@ -79,16 +91,16 @@ def _count(frames: RecordedFrames, step: CountStep) -> Found:
     return {"count": len(taken.views)}
 
 
-def _place(step: PlaceStep) -> Found:
-    start_s = time.perf_counter()
+def _place(step: PlaceStep, wall_s: Clock) -> Found:
+    start_s = wall_s()
     return {
         **asdict(place(open_recording(step.scene))),
-        "seconds": time.perf_counter() - start_s,
+        "seconds": wall_s() - start_s,
     }
 
 
-def _choose(frames: RecordedFrames, step: ChooseStep) -> Found:
-    start_s = time.perf_counter()
+def _choose(frames: RecordedFrames, step: ChooseStep, wall_s: Clock) -> Found:
+    start_s = wall_s()
     metres_per_rad = step.uniform_metres_per_rad
     usable = usable_frames(frames)
     parts = split(
@@ -113,12 +125,12 @@ def _choose(frames: RecordedFrames, step: ChooseStep) -> Found:
     return {
         "views": [int(i) for i in views],
         "test": list(parts.test),
-        "seconds": time.perf_counter() - start_s,
+        "seconds": wall_s() - start_s,
     }
 
 
-def _score(frames: RecordedFrames, step: ScoreStep) -> Found:
-    start_s = time.perf_counter()
+def _score(frames: RecordedFrames, step: ScoreStep, wall_s: Clock) -> Found:
+    start_s = wall_s()
     if step.splat is not None:
         with frames.stopwatch.stage("reading"):
             training, tested = _frames_of_gaussians(frames, step, step.splat.pixels)
@@ -126,13 +138,13 @@ def _score(frames: RecordedFrames, step: ScoreStep) -> Found:
     else:
         render = with_mpis(frames, step.views)
         tested = [(i, frames.frame(i)) for i in step.test]
-    built_s = time.perf_counter() - start_s
+    built_s = wall_s() - start_s
     scores, pictures = score_views(tested, render, _perceptual(step))
     return {
         "scores": [asdict(score) for score in scores],
         "pictures": {str(k): base64.b64encode(jpeg).decode() for k, jpeg in pictures.items()},
         "built_seconds": built_s,
-        "seconds": time.perf_counter() - start_s,
+        "seconds": wall_s() - start_s,
     }
 
 

@@ -8,7 +8,6 @@ are captured, whatever is red (`guided`).
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -99,7 +98,7 @@ class Walk:
         """Stand before the first frame."""
         self._how = how
         self._policy = policy
-        self._stopwatch = Stopwatch(time.perf_counter)
+        self._stopwatch = Stopwatch()
         self._scene = Reconstruction(how.method, stopwatch=self._stopwatch)
         self._views: list[int] = []
         self.let_go_at: dict[int, int] = {}

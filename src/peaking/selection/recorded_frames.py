@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -52,6 +52,7 @@ class RecordedFrames:
         *,
         max_mpis: int = MAX_MPIS,
         shared: Path | None = None,
+        clock_s: Callable[[], float] = time.process_time,
     ) -> None:
         """Look at a recording with the method's options.
 
@@ -61,8 +62,9 @@ class RecordedFrames:
             max_mpis: So many are in memory at once.
             shared: Folder for MPIs that other processes make or need too; none: those that are not
                 in memory are made again.
+            clock_s: Of the stages.
         """
-        self.stopwatch = Stopwatch(time.process_time)
+        self.stopwatch = Stopwatch(clock_s)
         """Takes the processor time of reading, generating and rendering; not that of the rest."""
         self.mpis_made = 0
         self._max_mpis = max_mpis

@@ -40,7 +40,7 @@ from peaking.server.recordings import PlayedRecording
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, parse_upload
 
-MOST_JSON_BYTES = 1_000_000
+MAX_JSON_BYTES = 1_000_000
 THUMBNAIL_PX = 240
 RETRY_AFTER_S = 2
 NO_CLIENT = "The web client is not built. Run: make client"
@@ -69,6 +69,18 @@ class ServerConfig:
     max_upload_bytes: int = 64_000_000
     secure: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse what no client can do.
+
+        Raises:
+            ValueError: More views are to be blended than clients blend.
+        """
+        if self.options.neighbours > wire.MAX_NEIGHBOURS:
+            raise ValueError(
+                f"need neighbours <= {wire.MAX_NEIGHBOURS}, which is what clients can blend, "
+                f"got {self.options.neighbours}"
+            )
+
 
 class _Handlers:
     """The handlers, and what they need."""
@@ -96,10 +108,7 @@ class _Handlers:
             wire.ServerInfo(
                 protocol=wire.PROTOCOL,
                 version=peaking.__version__,
-                options=msgspec.convert(
-                    {name: getattr(options, name) for name in wire.Options.__struct_fields__},
-                    wire.Options,
-                ),
+                options=wire.options_for_clients(options),
                 recordings=list(self.config.recordings),
                 warm=self.queue.warm,
                 max_upload_bytes=self.config.max_upload_bytes,
@@ -291,26 +300,26 @@ class _Handlers:
         return recording
 
     async def _json(self, request: Request, kind: type[T]) -> T:
-        body = await self._body(request, MOST_JSON_BYTES)
+        body = await self._body(request, MAX_JSON_BYTES)
         try:
             return msgspec.json.decode(body, type=kind)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise BadUpload(f"The request's JSON is wrong: {error}.") from error
 
-    async def _body(self, request: Request, most_bytes: int) -> bytes:
+    async def _body(self, request: Request, max_bytes: int) -> bytes:
         """Read a body, and stop as soon as it is too long."""
         declared = request.headers.get("content-length", "0")
         parts: list[bytes] = []
         size = int(declared) if declared.isdigit() else 0
-        if size <= most_bytes:
+        if size <= max_bytes:
             size = 0
             async for part in request.stream():
                 size += len(part)
-                if size > most_bytes:
+                if size > max_bytes:
                     break
                 parts.append(part)
-        if size > most_bytes:
-            raise BadUpload(f"That is more than {most_bytes:,} bytes.", status=413)
+        if size > max_bytes:
+            raise BadUpload(f"That is more than {max_bytes:,} bytes.", status=413)
         return b"".join(parts)
 
 

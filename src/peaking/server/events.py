@@ -9,7 +9,8 @@ from collections.abc import AsyncGenerator, Callable
 
 import msgspec
 
-PING_S = 10.0
+from peaking.server import wire
+
 WAITING = 1000
 """Events that may wait for one listener; one that is slower is cut off and comes again."""
 
@@ -74,7 +75,7 @@ class Hub:
             yield _message(state())
             while not self.closed:
                 try:
-                    message = await asyncio.wait_for(queue.get(), PING_S)
+                    message = await asyncio.wait_for(queue.get(), wire.PING_S)
                 except TimeoutError:
                     yield b": ping\n\n"
                     continue

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from types import ModuleType
 from typing import Any, get_args
 
@@ -28,14 +30,12 @@ _PLAIN = {
 
 def typescript() -> str:
     """Return wire.ts: an interface per struct, a type per union of events."""
-    lines = [HEADER.format(file="wire.py"), f"export const PROTOCOL = {wire.PROTOCOL};"]
-    return _file([*lines, *_interfaces(wire)], wire, ["SessionEvent", "ServerEvent"])
+    return _file("wire.py", wire, ["SessionEvent", "ServerEvent"])
 
 
 def study_typescript() -> str:
     """Return study/wire.ts."""
-    lines = [HEADER.format(file="study/wire.py"), *list(_interfaces(study_wire))[1:]]
-    return _file(lines, study_wire, ["StudyEvent"])
+    return _file("study/wire.py", study_wire, ["StudyEvent"])
 
 
 def structs(module: ModuleType = wire) -> list[type[msgspec.Struct]]:
@@ -44,12 +44,28 @@ def structs(module: ModuleType = wire) -> list[type[msgspec.Struct]]:
     return [k for k in found if issubclass(k, msgspec.Struct) and k is not module.Struct]
 
 
-def _interfaces(module: ModuleType) -> Iterator[str]:
+def _constants(module: ModuleType) -> Iterator[str]:
+    """Yield the numbers that both languages need, each with what its docstring says."""
+    said: dict[str, str] = {}
+    for before, after in pairwise(ast.parse(inspect.getsource(module)).body):
+        match before, after:
+            case (
+                ast.Assign(targets=[ast.Name(name)]),
+                ast.Expr(ast.Constant(str(text))),
+            ):
+                said[name] = " ".join(text.split())
+            case _:
+                pass
+    for name in module.CONSTANTS:
+        value = getattr(module, name)
+        yield f"/** {said[name]} */"
+        yield f"export const {name} = {value:.15g};"
+
+
+def _file(source: str, module: ModuleType, unions: list[str]) -> str:
+    lines = [HEADER.format(file=source), *_constants(module)]
     for struct in structs(module):
-        yield from ("", *_interface(struct))
-
-
-def _file(lines: list[str], module: ModuleType, unions: list[str]) -> str:
+        lines += ["", *_interface(struct)]
     for name in unions:
         members = " | ".join(member.__name__ for member in get_args(getattr(module, name)))
         lines += ["", f"export type {name} = {members};"]

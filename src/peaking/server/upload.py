@@ -13,8 +13,8 @@ from jaxtyping import Float32, UInt16
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.server import wire
 
-MOST_HEADER_BYTES = 20_000
-MOST_PHOTO_PIXELS = 40_000_000
+MAX_HEADER_BYTES = 20_000
+MAX_PHOTO_PIXELS = 40_000_000
 PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
 """Where the principal point may lie, in sizes of the picture: crops move it, not further."""
 
@@ -110,7 +110,7 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
     if len(body) < 4:
         raise BadUpload("The upload is shorter than its own header.", status=400)
     (length,) = struct.unpack_from("<I", body)
-    if not 2 <= length <= min(MOST_HEADER_BYTES, len(body) - 4):
+    if not 2 <= length <= min(MAX_HEADER_BYTES, len(body) - 4):
         raise BadUpload(
             f"The header's length is given as {length} of {len(body)} bytes.", status=400
         )
@@ -128,9 +128,9 @@ def _check_photo(photo: bytes, pinhole: wire.Pinhole) -> None:
     except ValueError as error:
         raise BadUpload("The photo is not a JPEG that can be read.") from error
     width, height = int(width), int(height)
-    if width * height > MOST_PHOTO_PIXELS:
+    if width * height > MAX_PHOTO_PIXELS:
         raise BadUpload(
-            f"The photo has {width}x{height} pixels; send at most {MOST_PHOTO_PIXELS:,}."
+            f"The photo has {width}x{height} pixels; send at most {MAX_PHOTO_PIXELS:,}."
         )
     if (width, height) != (pinhole.width_px, pinhole.height_px):
         raise BadUpload(

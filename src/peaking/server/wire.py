@@ -7,10 +7,13 @@ and units: CONVENTIONS.md. Phones turn WebXR's axes to OpenCV's before they send
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import msgspec
 from msgspec import Meta
+
+from peaking import options as method
 
 PROTOCOL = 1
 """Goes up when an older client would misunderstand; both sides refuse another version."""
@@ -25,8 +28,40 @@ Size = Annotated[int, Meta(ge=1, le=8192)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
-MOST_POINTS = 20_000
+
+# Numbers that both languages need. TypeScript has them from here.
+
+MAX_POINTS = 20_000
 """Tracked points that come with one capture."""
+
+MAX_NEIGHBOURS = 8
+"""Views that a client blends; `Options.neighbours` is never more."""
+
+MAX_GUIDED_TARGETS = 400
+"""Targets that a person is asked to reach; a guide that needs more is refused."""
+
+PAPER_PEAKED_SHARE = method.PAPER_PEAKED_SHARE
+"""The paper's mean peaked share: below it, a view from here would not have been worth it."""
+
+PING_S = 10.0
+"""A stream of events says something at least this often."""
+
+SILENCE_S = 35.0
+"""A client that hears nothing for so long takes the connection for dead, and connects again."""
+
+SETTLING_S = 0.2
+"""Time constant with which what is shown follows what is measured, so that nothing flashes."""
+
+CONSTANTS = (
+    "PROTOCOL",
+    "MAX_POINTS",
+    "MAX_NEIGHBOURS",
+    "MAX_GUIDED_TARGETS",
+    "PAPER_PEAKED_SHARE",
+    "PING_S",
+    "SILENCE_S",
+    "SETTLING_S",
+)
 
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
@@ -82,7 +117,7 @@ class CaptureHeader(Struct, frozen=True):
     """When the shutter was pressed, seconds since 1970, by the phone's clock."""
     photo_bytes: Annotated[int, Meta(ge=1, le=64_000_000)]
     depth: DepthLayout | None = None
-    points: Annotated[int, Meta(ge=0, le=MOST_POINTS)] = 0
+    points: Annotated[int, Meta(ge=0, le=MAX_POINTS)] = 0
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
 
 
@@ -170,21 +205,45 @@ class PeakedSamples(Struct, frozen=True):
     samples: Annotated[list[PeakedSample], Meta(max_length=100_000)]
 
 
-class Options(Struct, frozen=True):
-    """How a client renders and compares; the fields are those of `peaking.options.Options`."""
+def _client_options() -> list[tuple[str, Any] | tuple[str, Any, Any]]:
+    """Return the fields of `Options`: those of the method's options that a client needs."""
+    types = get_type_hints(method.Options) | {
+        "neighbours": Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)]
+    }
+    return [
+        (option.name, types[option.name])
+        if option.default is dataclasses.MISSING
+        else (option.name, types[option.name], option.default)
+        for option in dataclasses.fields(method.Options)
+        if option.name not in method.MACHINE_OPTIONS
+    ]
 
-    pixels: int
-    num_planes: int
-    neighbours: int
-    weights: Literal["paper", "overlap"]
-    opacity: Literal["paper", "seen"]
-    error_threshold: float
-    shift_px: int
-    compensate_exposure: bool
-    generator: str
-    """Who makes the MPIs in the end; `layered` ones are there at once."""
-    depth_model: str | None = None
-    """Estimates the depth of photos without; when null, these get no MPI."""
+
+if TYPE_CHECKING:
+    Options = method.Options
+else:
+    Options = msgspec.defstruct(
+        "Options",
+        _client_options(),
+        bases=(Struct,),
+        frozen=True,
+        module=__name__,
+        namespace={
+            "__doc__": "How a client renders and compares; the fields are those of "
+            "`peaking.options.Options` without those that say how the server computes."
+        },
+    )
+
+
+def options_for_clients(options: method.Options) -> Options:
+    """Return what clients are told of the method's options."""
+    return Options(
+        **{
+            option.name: getattr(options, option.name)
+            for option in dataclasses.fields(method.Options)
+            if option.name not in method.MACHINE_OPTIONS
+        }
+    )
 
 
 class ServerInfo(Struct, frozen=True):

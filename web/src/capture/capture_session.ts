@@ -192,6 +192,11 @@ export class CaptureSession implements Disposable {
     await this.#change({ ...(name !== null && { name }), finished: true });
   }
 
+  /** Whether `reportPeaked` would take a sample of this moment, seconds since 1970. */
+  wantsPeaked(time_s: number): boolean {
+    return this.#reporter.wants(time_s);
+  }
+
   /** At most one a second goes out; none while there is no server. */
   reportPeaked(sample: PeakedSample): void {
     this.#reporter.report(sample);

@@ -15,10 +15,15 @@ export class PeakedReporter {
     readonly isOnline: () => boolean,
   ) {}
 
-  report(sample: PeakedSample): void {
-    const since_s = sample.time_s - this.#last_s;
+  /** Whether a sample of this moment would be taken: it is not made for nothing. */
+  wants(time_s: number): boolean {
+    const since_s = time_s - this.#last_s;
     // A clock that was set back must not silence it.
-    if (since_s >= 0 && since_s < EVERY_S) return;
+    return since_s < 0 || since_s >= EVERY_S;
+  }
+
+  report(sample: PeakedSample): void {
+    if (!this.wants(sample.time_s)) return;
     this.#last_s = sample.time_s;
     if (!this.isOnline()) {
       this.#batch = [];

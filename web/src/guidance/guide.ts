@@ -1,6 +1,8 @@
 /** What every guide is: targets in the room, and when one counts as taken; twin of guidance/guide.py. */
 
-import { forwardOf, positionOf, type Cam, type Camera, type Rigid, type World } from '../geometry';
+import {
+  angleBetween, distanceBetween, type Cam, type Camera, type Rigid, type World,
+} from '../geometry';
 
 /** How near a view must be to a target to take it. */
 export interface Tolerance {
@@ -37,44 +39,36 @@ export function progress(guide: Guide, views: readonly Camera[]): TakenBy {
 
 /** The open target that this view would take. */
 export function withinReach(guide: Guide, view: Camera, takenBy: TakenBy): number | null {
-  const { position_m, direction_rad } = guide.nearEnough;
-  return nearest(guide, view, takenBy, (target, distance_m) =>
-    distance_m <= position_m && angleTo(target, view) <= direction_rad);
+  return nearest(guide.targets, view, takenBy, guide.nearEnough);
 }
 
 /** The open target nearest to where the camera is now; null when all are taken. */
 export function nextTarget(guide: Guide, view: Camera, takenBy: TakenBy): number | null {
-  return nearest(guide, view, takenBy, () => true);
+  return nearest(guide.targets, view, takenBy, ANYWHERE);
 }
 
 export function numTaken(takenBy: TakenBy): number {
-  return takenBy.reduce<number>((sum, view) => sum + (view === null ? 0 : 1), 0);
+  let count = 0;
+  for (let i = 0; i < takenBy.length; i += 1) if (takenBy[i] !== null) count += 1;
+  return count;
 }
 
+const ANYWHERE: Tolerance = { position_m: Infinity, direction_rad: Infinity };
+
+/** Asked at every frame, so nothing is made here. */
 function nearest(
-  guide: Guide, view: Camera, takenBy: TakenBy,
-  fits: (target: Rigid<World, Cam>, distance_m: number) => boolean,
+  targets: Guide['targets'], view: Camera, takenBy: TakenBy, within: Tolerance,
 ): number | null {
-  const here = positionOf(view);
   let best: number | null = null;
-  let least_m = Infinity;
-  guide.targets.forEach((target, i) => {
-    if (takenBy[i] !== null) return;
-    const m = target.rows;
-    const distance_m = Math.hypot(
-      (m[3] ?? NaN) - here[0], (m[7] ?? NaN) - here[1], (m[11] ?? NaN) - here[2]);
-    if (distance_m >= least_m || !fits(target, distance_m)) return;
-    least_m = distance_m;
+  let closest_m = Infinity;
+  for (let i = 0; i < targets.length; i += 1) {
+    const target = targets[i];
+    if (target === undefined || takenBy[i] !== null) continue;
+    const distance_m = distanceBetween(target, view.worldFromCam);
+    if (distance_m >= closest_m || distance_m > within.position_m) continue;
+    if (angleBetween(target, view.worldFromCam) > within.direction_rad) continue;
+    closest_m = distance_m;
     best = i;
-  });
+  }
   return best;
-}
-
-/** Between the viewing directions; exact for small angles too. */
-function angleTo(target: Rigid<World, Cam>, view: Camera): number {
-  const m = target.rows;
-  const ahead = forwardOf(view);
-  const chord = Math.hypot(
-    (m[2] ?? NaN) - ahead[0], (m[6] ?? NaN) - ahead[1], (m[10] ?? NaN) - ahead[2]);
-  return 2 * Math.asin(Math.min(chord / 2, 1));
 }

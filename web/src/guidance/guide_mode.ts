@@ -69,8 +69,7 @@ export class GuideMode {
       this.#views = views;
       this.#cameras = views.map((view) => ({ camera: cameraOfWire(view.camera) }));
     }
-    const state = this.#session.update(
-      frame.time_ms, frame.camera, () => frame.depth(), this.#cameras);
+    const state = this.#session.update(frame.time_ms, frame.camera, frame, this.#cameras);
     if (frame.camera !== null) this.#marks.draw(frame, frame.camera, state);
     if (state.phase !== 'scan') this.#problem = null;
     this.#panel.show(frame.time_ms, state, this.#session.autoShutter, this.#problem);

@@ -4,11 +4,11 @@
  */
 
 import {
-  inverse, positionOf, resized, rigid, type Cam, type Camera, type Rigid, type World,
+  angleBetween, copyOfCamera, distanceBetween, pinholeScratch, resized, rigid, type Cam,
+  type Camera, type Rigid, type World,
 } from '../geometry';
-import { motionBetween } from '../motion';
 import type { DepthMap } from '../sources/frame_source';
-import type { Options } from '../wire';
+import { MAX_GUIDED_TARGETS, type Options } from '../wire';
 import { nextTarget, numTaken, progress, withinReach, type Guide, type TakenBy } from './guide';
 import type { GuideOptions } from './guide_options';
 import { hemisphere } from './hemisphere';
@@ -23,6 +23,7 @@ export interface GuideMemory {
 
 export type GuidePhase = 'scan' | 'capture' | 'done';
 
+/** The object is used again at every frame; `guide`, `bound` and `takenBy` are new when they change. */
 export interface GuideState {
   readonly phase: GuidePhase;
   /** Least depth of the scan, so far or for good; null until three maps have confirmed one. */
@@ -50,8 +51,11 @@ interface Placement {
   readonly bound: PlenopticBound;
 }
 
-/** More targets than this are no guidance; the side must be smaller, or the camera farther away. */
-export const MOST_TARGETS = 400;
+/** What gives depth: a frame of the source. */
+export interface DepthGiver {
+  depth(): DepthMap | null;
+}
+
 /** A depth map counts in the scan when the camera has moved by one of these since the last one. */
 const SCAN_STEP_M = 0.005;
 const SCAN_STEP_RAD = 0.01;
@@ -71,7 +75,15 @@ export class GuideSession {
   #views: readonly unknown[] | null = null;
   #takenBy: TakenBy = [];
   #reachedAt_ms: number | null = null;
-  #state: GuideState = NOTHING;
+  readonly #toNext_m: [number, number, number] = [0, 0, 0];
+  readonly #small = pinholeScratch();
+  /** What `#bound` is of: z_min, width and focal length of the MPI. */
+  readonly #boundFor = new Float64Array(3);
+  #bound: PlenopticBound | null = null;
+  readonly #state: { -readonly [K in keyof GuideState]: GuideState[K] } = {
+    phase: 'scan', zMin_m: null, scanned: 0, bound: null, guide: null, takenBy: [], taken: 0,
+    next: null, reach: null, toNext_m: null,
+  };
 
   constructor(
     readonly options: GuideOptions, readonly mpi: Pick<Options, 'pixels' | 'num_planes'>,
@@ -85,18 +97,18 @@ export class GuideSession {
     return this.#state;
   }
 
-  /** Tell a frame; `depth` is asked for only where it is needed. */
+  /** Tell a frame; its depth is asked for only where it is needed. */
   update(
-    time_ms: number, camera: Camera | null, depth: () => DepthMap | null,
+    time_ms: number, camera: Camera | null, frame: DepthGiver,
     views: readonly { readonly camera: Camera }[],
   ): GuideState {
     this.#frames += 1;
-    if (this.#guide === null) this.#look(camera, depth);
+    if (this.#guide === null) this.#look(camera, frame);
     else if (this.#views !== views) {
       this.#views = views;
       this.#takenBy = progress(this.#guide, views.map((view) => view.camera));
     }
-    this.#state = this.#stateOf(camera);
+    this.#follow(camera);
     if (this.#state.reach === null) this.#reachedAt_ms = null;
     else this.#reachedAt_ms ??= time_ms;
     return this.#state;
@@ -114,10 +126,10 @@ export class GuideSession {
     if (camera === null) return 'Tracking is lost; place the targets when it is back.';
     if (zMin_m === null || bound === null) return 'Look around first, until the depth is known.';
     const placement = {
-      worldFromAnchor: camera.worldFromCam, zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
+      worldFromAnchor: rigid<World, Cam>(camera.worldFromCam.rows), zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
     };
     const guide = this.#guideOf(placement);
-    if (guide.targets.length > MOST_TARGETS) {
+    if (guide.targets.length > MAX_GUIDED_TARGETS) {
       return `The nearest thing is ${zMin_m.toFixed(2)} m away, which asks for `
         + `${guide.targets.length} views. Scan again from farther off, or choose a smaller area.`;
     }
@@ -142,48 +154,60 @@ export class GuideSession {
     this.memory.save(null);
   }
 
-  #look(camera: Camera | null, depth: () => DepthMap | null): void {
+  #look(camera: Camera | null, frame: DepthGiver): void {
     if (camera === null || this.#frames % SCAN_EVERY_FRAMES !== 0) return;
-    if (this.#lastScanned !== null) {
-      // The same noise twice would confirm itself.
-      const { step_m, turn_rad } = motionBetween(this.#lastScanned, camera);
-      if (step_m < SCAN_STEP_M && turn_rad < SCAN_STEP_RAD) return;
-    }
-    const map = depth();
+    const last = this.#lastScanned?.worldFromCam;
+    // The same noise twice would confirm itself.
+    if (last !== undefined && distanceBetween(last, camera.worldFromCam) < SCAN_STEP_M
+      && angleBetween(last, camera.worldFromCam) < SCAN_STEP_RAD) return;
+    const map = frame.depth();
     if (map === null) return;
     this.#scan.add(map);
-    this.#lastScanned = camera;
+    this.#lastScanned = copyOfCamera(camera);
     this.#lastMiddle_m = middleDepth(map) ?? this.#lastMiddle_m;
   }
 
-  #stateOf(camera: Camera | null): GuideState {
+  /** Bring the state to this frame. */
+  #follow(camera: Camera | null): void {
+    const state = this.#state;
     const guide = this.#guide;
-    const zMin_m = this.#placement?.zMin_m ?? this.#scan.zMin_m;
-    const bound = this.#placement?.bound ?? this.#boundOf(camera, zMin_m) ?? this.#state.bound;
-    const state = { zMin_m, scanned: this.#scan.frames, bound: zMin_m === null ? null : bound };
-    if (guide === null) return { ...NOTHING, ...state };
-    const taken = numTaken(this.#takenBy);
-    const next = camera === null ? this.#state.next : nextTarget(guide, camera, this.#takenBy);
-    return {
-      ...state,
-      phase: taken === guide.targets.length ? 'done' : 'capture',
-      guide,
-      takenBy: this.#takenBy,
-      taken,
-      next,
-      reach: camera === null ? null : withinReach(guide, camera, this.#takenBy),
-      toNext_m: camera === null || next === null ? null : offset(camera, guide.targets[next]),
-    };
+    state.zMin_m = this.#placement?.zMin_m ?? this.#scan.zMin_m;
+    state.scanned = this.#scan.frames;
+    if (state.zMin_m === null) state.bound = null;
+    else state.bound = this.#placement?.bound ?? this.#boundOf(camera, state.zMin_m) ?? state.bound;
+    state.guide = guide;
+    state.takenBy = this.#takenBy;
+    state.taken = numTaken(this.#takenBy);
+    if (guide === null) {
+      state.phase = 'scan';
+      state.next = null;
+      state.reach = null;
+      state.toNext_m = null;
+      return;
+    }
+    state.phase = state.taken === guide.targets.length ? 'done' : 'capture';
+    if (camera !== null) state.next = nextTarget(guide, camera, this.#takenBy);
+    state.reach = camera === null ? null : withinReach(guide, camera, this.#takenBy);
+    const next = state.next === null ? undefined : guide.targets[state.next];
+    state.toNext_m = camera === null || next === undefined ? null
+      : offset(camera, next, this.#toNext_m);
   }
 
-  /** Of the MPIs that are made of such pictures. */
-  #boundOf(camera: Camera | null, zMin_m: number | null): PlenopticBound | null {
-    if (camera === null || zMin_m === null) return null;
+  /** Of the MPIs that are made of such pictures; the same object until one of its numbers changes. */
+  #boundOf(camera: Camera | null, zMin_m: number): PlenopticBound | null {
+    if (camera === null) return null;
     const { width_px, height_px } = camera.pinhole;
     const scale = Math.sqrt(this.mpi.pixels / (width_px * height_px));
-    const small = resized(
-      camera.pinhole, Math.round(width_px * scale), Math.round(height_px * scale));
-    return plenopticBound(small, zMin_m, this.options.areaSide_m, this.mpi.num_planes);
+    const small = resized(camera.pinhole, Math.round(width_px * scale),
+      Math.round(height_px * scale), this.#small);
+    const given = this.#boundFor;
+    if (this.#bound !== null && given[0] === zMin_m && given[1] === small.width_px
+      && given[2] === small.fx_px) return this.#bound;
+    given[0] = zMin_m;
+    given[1] = small.width_px;
+    given[2] = small.fx_px;
+    this.#bound = plenopticBound(small, zMin_m, this.options.areaSide_m, this.mpi.num_planes);
+    return this.#bound;
   }
 
   #guideOf({ worldFromAnchor, bound, radius_m }: Placement): Guide {
@@ -215,19 +239,16 @@ export class GuideSession {
   }
 }
 
-const NOTHING: GuideState = {
-  phase: 'scan', zMin_m: null, scanned: 0, bound: null, guide: null, takenBy: [], taken: 0,
-  next: null, reach: null, toNext_m: null,
-};
-
-/** The target's position in the camera's axes. */
+/** The target's position in the camera's axes: the inverse of the camera's pose, applied to it. */
 function offset(
-  camera: Camera, target: Rigid<World, Cam> | undefined,
-): readonly [number, number, number] | null {
-  if (target === undefined) return null;
-  const m = inverse(camera.worldFromCam).rows;
-  const [x, y, z] = positionOf({ ...camera, worldFromCam: target });
-  const axis = (r: number): number => (m[4 * r] ?? NaN) * x + (m[4 * r + 1] ?? NaN) * y
-    + (m[4 * r + 2] ?? NaN) * z + (m[4 * r + 3] ?? NaN);
-  return [axis(0), axis(1), axis(2)];
+  camera: Camera, target: Rigid<World, Cam>, out: [number, number, number],
+): readonly [number, number, number] {
+  const m = camera.worldFromCam.rows;
+  const x = (target.rows[3] ?? NaN) - (m[3] ?? NaN);
+  const y = (target.rows[7] ?? NaN) - (m[7] ?? NaN);
+  const z = (target.rows[11] ?? NaN) - (m[11] ?? NaN);
+  out[0] = (m[0] ?? NaN) * x + (m[4] ?? NaN) * y + (m[8] ?? NaN) * z;
+  out[1] = (m[1] ?? NaN) * x + (m[5] ?? NaN) * y + (m[9] ?? NaN) * z;
+  out[2] = (m[2] ?? NaN) * x + (m[6] ?? NaN) * y + (m[10] ?? NaN) * z;
+  return out;
 }

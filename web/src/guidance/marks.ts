@@ -22,8 +22,8 @@ const AHEAD_M = { least: 0.12, most: 0.35 } as const;
 const AXIS_SHARE = 0.36;
 const TILE_SHARE = 0.45;
 /** Of how far the mark is ahead: wide steps and tolerances must not fill the picture. */
-const MOST_AXIS_SHARE = 0.15;
-const MOST_RING_SHARE = 0.12;
+const MAX_AXIS_SHARE = 0.15;
+const MAX_RING_SHARE = 0.12;
 /** Of how far the mark is ahead. */
 const POINTER_SHARE = 0.3;
 const RING_PIECES = 32;
@@ -69,7 +69,7 @@ export class GuideMarks implements Disposable {
     this.#drawn = { guide, takenBy, next, reach };
     const ahead_m = aheadOf(state);
     const apart_m = apartOf(state);
-    const ring_m = Math.min(guide.nearEnough.position_m, MOST_RING_SHARE * ahead_m);
+    const ring_m = Math.min(guide.nearEnough.position_m, MAX_RING_SHARE * ahead_m);
     guide.targets.forEach((target, i) => {
       if (takenBy[i] !== null) return;
       this.#mark(target, ahead_m, apart_m, i === next);
@@ -104,7 +104,7 @@ export class GuideMarks implements Disposable {
       });
       return;
     }
-    const axis_m = Math.min(AXIS_SHARE * apart_m, MOST_AXIS_SHARE * ahead_m);
+    const axis_m = Math.min(AXIS_SHARE * apart_m, MAX_AXIS_SHARE * ahead_m);
     line(point(0, 0), point(axis_m, 0), COLOURS.right);
     line(point(0, 0), point(0, -axis_m), COLOURS.up);
   }

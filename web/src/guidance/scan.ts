@@ -4,7 +4,7 @@ import type { DepthMap } from '../sources/frame_source';
 
 const NEAR_SHARE = 0.01;
 export const CONFIRMATIONS = 3;
-const LEAST_KNOWN_SHARE = 0.05;
+const MIN_KNOWN_SHARE = 0.05;
 
 /** Finds z_min: the third smallest of the maps' near depths. Two maps may be entirely wrong. */
 export class DepthScan {
@@ -31,7 +31,7 @@ export class DepthScan {
 /** The near depth of a map, in metres: of its n known ones that of rank floor(n / 100). */
 export function nearDepth(depth: DepthMap): number | null {
   const known_mm = depth.depth_mm.filter((mm) => mm > 0).sort();
-  if (known_mm.length === 0 || known_mm.length < LEAST_KNOWN_SHARE * depth.depth_mm.length) {
+  if (known_mm.length === 0 || known_mm.length < MIN_KNOWN_SHARE * depth.depth_mm.length) {
     return null;
   }
   const near_mm = known_mm[Math.floor(known_mm.length * NEAR_SHARE)];

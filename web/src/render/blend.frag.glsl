@@ -2,10 +2,11 @@
 // c = sum(w a c) / sum(w a), premultiplied in and out; twin of src/peaking/render/blend.py.
 precision highp float;
 
-const int MOST = 8;
+// MAX_NEIGHBOURS of the wire; a test compares them.
+const int MAX_VIEWS = 8;
 
-uniform sampler2D views[MOST];
-uniform float weights[MOST];
+uniform sampler2D views[MAX_VIEWS];
+uniform float weights[MAX_VIEWS];
 uniform int count;
 uniform bool opacity_of_seen;
 

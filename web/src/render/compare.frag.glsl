@@ -10,7 +10,7 @@ uniform int shift_px;
 
 out vec4 result; // peaked, missing, error / 3, 1
 
-const float LEAST_ALPHA = 0.5;
+const float MIN_ALPHA = 0.5;
 
 vec3 rendered(ivec2 at) {
   vec4 c = texelFetch(view, at, 0);
@@ -28,6 +28,6 @@ void main() {
       error = min(error, differs.r + differs.g + differs.b);
     }
   }
-  float missing = texelFetch(view, at, 0).a < LEAST_ALPHA ? 1.0 : 0.0;
+  float missing = texelFetch(view, at, 0).a < MIN_ALPHA ? 1.0 : 0.0;
   result = vec4(error > threshold ? 1.0 : 0.0, missing, error / 3.0, 1.0);
 }

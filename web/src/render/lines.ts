@@ -1,6 +1,6 @@
 /** Lines in the room or on the camera, drawn over the picture: instanced quads, as thick as asked. */
 
-import { inverse, type Camera } from '../geometry';
+import { identity, inverse, type Cam, type Camera, type World } from '../geometry';
 import type { LiveFrame } from '../sources/frame_source';
 import fragment from './line.frag.glsl?raw';
 import vertex from './line.vert.glsl?raw';
@@ -68,6 +68,7 @@ export class Lines implements Disposable {
 export class LineRenderer implements Disposable {
   readonly #program: Program;
   readonly #rotation = new Float32Array(9);
+  readonly #camFromWorld = identity<Cam, World>();
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.#program = new Program(gl, vertex, fragment);
@@ -88,21 +89,26 @@ export class LineRenderer implements Disposable {
     gl.uniform2f(program.uniform('picture'), k.width_px, k.height_px);
     gl.uniform2f(program.uniform('viewport'), width, height);
     gl.uniform1f(program.uniform('unit_px'), Math.max(height * UNIT_SHARE, 1));
-    for (const [lines, camFromLines] of [
-      [inRoom, inverse(camera.worldFromCam).rows], [onCamera, IDENTITY],
-    ] as const) {
-      for (let i = 0; i < 9; i += 1) {
-        this.#rotation[i] = camFromLines[4 * (i % 3) + Math.floor(i / 3)] ?? 0;
-      }
-      gl.uniformMatrix3fv(program.uniform('rotation'), false, this.#rotation);
-      gl.uniform3f(program.uniform('translation'),
-        camFromLines[3] ?? 0, camFromLines[7] ?? 0, camFromLines[11] ?? 0);
-      for (const rim_px of [Math.max(height * RIM_SHARE, 1), 0]) {
-        gl.uniform1f(program.uniform('rim_px'), rim_px);
-        lines.draw();
-      }
-    }
+    const rim_px = Math.max(height * RIM_SHARE, 1);
+    this.#drawFrom(inverse(camera.worldFromCam, this.#camFromWorld).rows, inRoom, rim_px);
+    this.#drawFrom(IDENTITY, onCamera, rim_px);
     gl.disable(gl.BLEND);
+  }
+
+  /** The rim first, and the lines on it. */
+  #drawFrom(camFromLines: Float64Array, lines: Lines, rim_px: number): void {
+    const { gl } = this;
+    const program = this.#program;
+    for (let i = 0; i < 9; i += 1) {
+      this.#rotation[i] = camFromLines[4 * (i % 3) + Math.floor(i / 3)] ?? 0;
+    }
+    gl.uniformMatrix3fv(program.uniform('rotation'), false, this.#rotation);
+    gl.uniform3f(program.uniform('translation'),
+      camFromLines[3] ?? 0, camFromLines[7] ?? 0, camFromLines[11] ?? 0);
+    gl.uniform1f(program.uniform('rim_px'), rim_px);
+    lines.draw();
+    gl.uniform1f(program.uniform('rim_px'), 0);
+    lines.draw();
   }
 
   [Symbol.dispose](): void {
@@ -110,4 +116,4 @@ export class LineRenderer implements Disposable {
   }
 }
 
-const IDENTITY = Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0);
+const IDENTITY = identity<Cam, Cam>().rows;

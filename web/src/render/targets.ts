@@ -1,13 +1,12 @@
 /** What is rendered for one view, and what of it need not be computed again. */
 
 import type { GpuMpi } from '../mpi/mpi_store';
+import { MAX_NEIGHBOURS } from '../wire';
 import { GAIN_STRIDE } from './exposure';
 import { ReadBack, Target } from './target';
 
 /** The result is counted in so many blocks. */
 export const BLOCKS = { x: 16, y: 16 };
-/** Views that a shader can blend. */
-export const MOST_VIEWS = 8;
 
 /** A picture of one MPI. */
 export interface RenderedView {
@@ -48,8 +47,8 @@ export class Targets implements Disposable {
     this.result = ofView();
     this.shown = ofView();
     this.shownBefore = ofView();
-    this.blendedFrom = new Array<Target | null>(MOST_VIEWS).fill(null);
-    this.weights = new Float32Array(MOST_VIEWS);
+    this.blendedFrom = new Array<Target | null>(MAX_NEIGHBOURS).fill(null);
+    this.weights = new Float32Array(MAX_NEIGHBOURS);
     this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
     this.countsBack = new ReadBack(gl, this.counts);
     this.grid = new Target(
@@ -58,7 +57,9 @@ export class Targets implements Disposable {
   }
 
   swapShown(): void {
-    [this.shown, this.shownBefore] = [this.shownBefore, this.shown];
+    const { shown } = this;
+    this.shown = this.shownBefore;
+    this.shownBefore = shown;
   }
 
   [Symbol.dispose](): void {

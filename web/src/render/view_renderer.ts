@@ -7,13 +7,13 @@
  *                              └── grid ──► exposure gain  └─ settle ── display
  */
 
-import { resized, type Camera } from '../geometry';
+import { pinholeScratch, resized, type Camera } from '../geometry';
 import { TEXTURE_COLS } from '../mpi/decode';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import { TILE_PX } from '../mpi/mpi_file';
-import { nearestByDistance, nearestByOverlap, type Neighbour } from '../nearest';
 import type { LiveFrame } from '../sources/frame_source';
-import type { Options } from '../wire';
+import { ViewWeights, type Among, type ChosenViews } from '../view_weights';
+import { MAX_NEIGHBOURS, SETTLING_S, type Options } from '../wire';
 import blendFragment from './blend.frag.glsl?raw';
 import compareFragment from './compare.frag.glsl?raw';
 import countFragment from './count.frag.glsl?raw';
@@ -28,7 +28,7 @@ import settleFragment from './settle.frag.glsl?raw';
 import shrinkFragment from './shrink.frag.glsl?raw';
 import { newProjection, project } from './projection';
 import type { Target } from './target';
-import { BLOCKS, MOST_VIEWS, Targets, type RenderedView } from './targets';
+import { BLOCKS, Targets, type RenderedView } from './targets';
 
 /** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
 export type Overlay = 'mpi' | 'video' | 'peaks';
@@ -43,6 +43,7 @@ export interface Look {
   readonly pattern: boolean;
 }
 
+/** What a frame showed. Valid until the next one: the object is used again. */
 export interface Seen {
   /** Peaked pixels / all pixels, of a frame or two ago; null before the first view. */
   readonly peakedShare: number | null;
@@ -54,14 +55,21 @@ export interface Seen {
 /** Until a view is on the card, its scene is taken to be as deep as this. */
 const USUAL_DEPTH_M = 1.5;
 /**
- * What is shown follows what is measured with this time constant: a pixel gets red within 0.28 s,
+ * What is shown follows what is measured: with this time constant a pixel gets red within 0.28 s,
  * and changes at most every 0.22 s, which is less than three flashes a second.
  */
-const SETTLING_MS = 200;
+const SETTLING_MS = 1000 * SETTLING_S;
 /** Exposure is measured again after so many frames: it changes slowly. */
 const GAIN_EVERY_FRAMES = 6;
 
 const NOTHING: Seen = { peakedShare: null, missingShare: null, viewIds: [] };
+
+/** The views that a frame is rendered from, best first; the first `count` of each list count. */
+interface Near {
+  count: number;
+  readonly mpis: GpuMpi[];
+  readonly weights: Float64Array;
+}
 
 export class ViewRenderer implements Disposable {
   readonly #gl: WebGL2RenderingContext;
@@ -69,18 +77,32 @@ export class ViewRenderer implements Disposable {
   readonly #programs;
   readonly #screen: WebGLVertexArrayObject;
   readonly #sampler: WebGLSampler;
-  readonly #units = Int32Array.from({ length: MOST_VIEWS }, (_, i) => i);
+  readonly #units = Int32Array.from({ length: MAX_NEIGHBOURS }, (_, i) => i);
   readonly #projection = newProjection();
+  readonly #small = pinholeScratch();
+  readonly #weights = new ViewWeights(MAX_NEIGHBOURS);
+  readonly #near: Near = { count: 0, mpis: [], weights: new Float64Array(MAX_NEIGHBOURS) };
+  readonly #viewIds: string[] = [];
+  readonly #seen: { -readonly [K in keyof Seen]: Seen[K] } = { ...NOTHING, viewIds: this.#viewIds };
+  /** Of all views: 1 where the MPI is on the card. */
+  #here = new Uint8Array(16);
+  /** For each of `#near`, where it is rendered to. */
+  readonly #places: (RenderedView | null)[] = new Array<RenderedView | null>(MAX_NEIGHBOURS).fill(null);
   readonly #gain = new Float32Array([1, 1, 1]);
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
-  #shares: { peaked: number; missing: number } | null = null;
+  #peakedShare: number | null = null;
+  #missingShare: number | null = null;
   #sceneDepth_m = USUAL_DEPTH_M;
   #lastTime_ms = 0;
   #frame = 0;
 
+  /** @throws RangeError More neighbours are asked for than the shader blends. */
   constructor(gl: WebGL2RenderingContext, options: Options) {
+    if (options.neighbours > MAX_NEIGHBOURS) {
+      throw new RangeError(`need neighbours <= ${MAX_NEIGHBOURS}, got ${options.neighbours}`);
+    }
     this.#gl = gl;
     this.#options = options;
     const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
@@ -115,11 +137,12 @@ export class ViewRenderer implements Disposable {
     gl.disable(gl.BLEND);
     const targets = this.#targetsFor(camera);
     this.#takeReadBacks(targets);
-    const near = this.#neighbours(store, camera);
-    if (near.length === 0) {
-      this.#shares = null;
+    const near = this.#chooseViews(store, camera);
+    if (near.count === 0) {
+      this.#peakedShare = null;
+      this.#missingShare = null;
       targets.threshold = NaN; // what is compared again is counted again
-      this.#display(frame, image, targets, { ...look, overlay: 'video' }, false);
+      this.#display(frame, image, targets, look, false);
       return NOTHING;
     }
     // What did not change since the frame before is not computed again.
@@ -134,11 +157,9 @@ export class ViewRenderer implements Disposable {
     this.#measureExposure(targets);
     this.#settle(frame.time_ms, targets);
     this.#display(frame, image, targets, look, true);
-    return {
-      peakedShare: this.#shares?.peaked ?? null,
-      missingShare: this.#shares?.missing ?? null,
-      viewIds: near.map(({ id }) => id),
-    };
+    this.#seen.peakedShare = this.#peakedShare;
+    this.#seen.missingShare = this.#missingShare;
+    return this.#seen;
   }
 
   /**
@@ -173,34 +194,58 @@ export class ViewRenderer implements Disposable {
   }
 
   /** The K nearest of all views; while some of them are still on their way, the best that are here. */
-  #neighbours(
-    store: MpiStore, camera: Camera,
-  ): { readonly id: string; readonly weight: number; readonly mpi: GpuMpi }[] {
+  #chooseViews(store: MpiStore, camera: Camera): Near {
     const { views, cameras } = store;
-    if (views.length === 0) return [];
-    const closest = nearestByDistance(cameras, camera, 1)[0];
-    const closestId = views[closest?.index ?? 0]?.id ?? '';
-    this.#sceneDepth_m = store.want(closestId)?.medianDepth_m ?? this.#sceneDepth_m;
-    const wanted = this.#choose(cameras, camera);
-    let missing = false;
-    for (const { index } of wanted) {
-      if (store.want(views[index]?.id ?? '') === null) missing = true;
+    const near = this.#near;
+    near.count = 0;
+    if (views.length > 0) {
+      this.#weights.measure(cameras, camera);
+      const closest = views[this.#weights.closest];
+      const depth_m = closest === undefined ? undefined : store.want(closest.id)?.medianDepth_m;
+      this.#sceneDepth_m = depth_m ?? this.#sceneDepth_m;
+      const wanted = this.#choose(null);
+      this.#take(this.#allWanted(store, wanted) ? wanted : this.#choose(this.#residents(store)), store);
     }
-    const here = missing ? views.filter(({ id }) => store.resident(id) !== null) : views;
-    if (here.length === 0) return [];
-    const chosen = missing ? this.#choose(here.map((view) => view.camera), camera) : wanted;
-    return chosen.flatMap(({ index, weight }) => {
-      const id = here[index]?.id ?? '';
-      const mpi = store.resident(id);
-      return mpi === null ? [] : [{ id, weight, mpi }];
-    });
+    this.#viewIds.length = near.count;
+    return near;
   }
 
-  #choose(cameras: readonly Camera[], camera: Camera): Neighbour[] {
-    const count = Math.min(this.#options.neighbours, MOST_VIEWS);
-    return this.#options.weights === 'paper'
-      ? nearestByDistance(cameras, camera, count)
-      : nearestByOverlap(cameras, camera, this.#sceneDepth_m, count);
+  /** Asks for each; false while one is not on the card. */
+  #allWanted(store: MpiStore, { count, index }: ChosenViews): boolean {
+    let all = true;
+    for (let k = 0; k < count; k += 1) {
+      const view = store.views[index[k] ?? -1];
+      if (view === undefined || store.want(view.id) === null) all = false;
+    }
+    return all;
+  }
+
+  #residents(store: MpiStore): Uint8Array {
+    const { views } = store;
+    if (this.#here.length < views.length) this.#here = new Uint8Array(2 * views.length);
+    for (let i = 0; i < views.length; i += 1) {
+      this.#here[i] = store.resident(views[i]?.id ?? '') === null ? 0 : 1;
+    }
+    return this.#here;
+  }
+
+  #take({ count, index, weight }: ChosenViews, store: MpiStore): void {
+    const near = this.#near;
+    for (let k = 0; k < count; k += 1) {
+      const view = store.views[index[k] ?? -1];
+      const mpi = view === undefined ? null : store.resident(view.id);
+      if (view === undefined || mpi === null) continue;
+      this.#viewIds[near.count] = view.id;
+      near.mpis[near.count] = mpi;
+      near.weights[near.count] = weight[k] ?? 0;
+      near.count += 1;
+    }
+  }
+
+  #choose(among: Among): ChosenViews {
+    const { neighbours, blend_weights } = this.#options;
+    return blend_weights === 'paper' ? this.#weights.byDistance(neighbours, among)
+      : this.#weights.byOverlap(this.#sceneDepth_m, neighbours, among);
   }
 
   #targetsFor(camera: Camera): Targets {
@@ -211,7 +256,7 @@ export class ViewRenderer implements Disposable {
     if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
       this.#targets?.[Symbol.dispose]();
       this.#targets = new Targets(
-        this.#gl, width, height, Math.min(this.#options.neighbours, MOST_VIEWS));
+        this.#gl, width, height, this.#options.neighbours);
     }
     return this.#targets;
   }
@@ -232,42 +277,59 @@ export class ViewRenderer implements Disposable {
    * Where each MPI is rendered to. One that is there already, for this very camera, keeps its place
    * and need not be rendered again: a phone that is held by a tripod, a recording that is stopped.
    */
-  #placesOf(mpis: readonly GpuMpi[], camera: Camera, targets: Targets): RenderedView[] {
-    const { fx_px, fy_px, cx_px, cy_px } = camera.pinhole;
-    const wanted = [...camera.worldFromCam.rows, fx_px, fy_px, cx_px, cy_px];
-    if (wanted.some((value, i) => value !== this.#renderedFor[i])) {
-      this.#renderedFor.set(wanted);
-      for (const view of targets.views) view.mpi = null;
+  #findPlaces({ count, mpis }: Near, camera: Camera, targets: Targets): void {
+    if (this.#hasMoved(camera)) for (const view of targets.views) view.mpi = null;
+    const places = this.#places.fill(null);
+    for (const view of targets.views) {
+      const k = view.mpi === null ? -1 : mpis.indexOf(view.mpi);
+      if (k >= 0 && k < count) places[k] = view;
     }
-    const free = targets.views.filter(({ mpi }) => mpi === null || !mpis.includes(mpi));
-    return mpis.flatMap((mpi) => {
-      const place = targets.views.find((view) => view.mpi === mpi) ?? free.pop();
-      return place === undefined ? [] : [place];
-    });
+    for (let k = 0; k < count; k += 1) places[k] ??= this.#freePlace(targets);
+  }
+
+  #freePlace(targets: Targets): RenderedView | null {
+    for (let i = targets.views.length - 1; i >= 0; i -= 1) {
+      const view = targets.views[i];
+      if (view !== undefined && !this.#places.includes(view)) return view;
+    }
+    return null;
+  }
+
+  /** Whether this is another camera than that of the frame before. */
+  #hasMoved({ pinhole, worldFromCam }: Camera): boolean {
+    const before = this.#renderedFor;
+    const { rows } = worldFromCam;
+    let moved = before[12] !== pinhole.fx_px || before[13] !== pinhole.fy_px
+      || before[14] !== pinhole.cx_px || before[15] !== pinhole.cy_px;
+    for (let i = 0; i < 12 && !moved; i += 1) moved = rows[i] !== before[i];
+    if (!moved) return false;
+    before.set(rows);
+    before[12] = pinhole.fx_px;
+    before[13] = pinhole.fy_px;
+    before[14] = pinhole.cx_px;
+    before[15] = pinhole.cy_px;
+    return true;
   }
 
   /** Returns whether the view is another one than before. */
-  #renderAndBlend(
-    near: readonly { readonly weight: number; readonly mpi: GpuMpi }[], camera: Camera,
-    targets: Targets,
-  ): boolean {
-    const views = this.#placesOf(near.map(({ mpi }) => mpi), camera, targets);
+  #renderAndBlend(near: Near, camera: Camera, targets: Targets): boolean {
+    this.#findPlaces(near, camera, targets);
     let changed = false;
-    for (let k = 0; k < MOST_VIEWS; k += 1) {
-      const chosen = near[k];
-      const view = views[k];
-      if (chosen !== undefined && view !== undefined && view.mpi !== chosen.mpi) {
-        this.#renderMpi(chosen.mpi, camera, view.target);
-        view.mpi = chosen.mpi;
+    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
+      const mpi = k < near.count ? near.mpis[k] : undefined;
+      const view = this.#places[k] ?? null;
+      if (mpi !== undefined && view !== null && view.mpi !== mpi) {
+        this.#renderMpi(mpi, camera, view.target);
+        view.mpi = mpi;
         changed = true;
       }
-      const weight = Math.fround(chosen?.weight ?? 0);
+      const weight = Math.fround(mpi === undefined ? 0 : near.weights[k] ?? 0);
       const target = view?.target ?? null;
       if (targets.weights[k] !== weight || targets.blendedFrom[k] !== target) changed = true;
       targets.weights[k] = weight;
       targets.blendedFrom[k] = target;
     }
-    if (changed) this.#blend(near.length, targets);
+    if (changed) this.#blend(near.count, targets);
     return changed;
   }
 
@@ -278,7 +340,7 @@ export class ViewRenderer implements Disposable {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     program.use();
-    const small = resized(camera.pinhole, target.width, target.height);
+    const small = resized(camera.pinhole, target.width, target.height, this.#small);
     const { matrix, translation, targetDepth_m } = project(
       mpi.camera, camera.worldFromCam, small, this.#projection);
     gl.uniformMatrix3fv(program.uniform('target_from_ray'), false, matrix);
@@ -305,7 +367,7 @@ export class ViewRenderer implements Disposable {
     const { blend } = this.#programs;
     targets.view.begin();
     blend.use();
-    for (let k = 0; k < MOST_VIEWS; k += 1) {
+    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
       this.#bind(k, (targets.blendedFrom[k] ?? targets.blendedFrom[0])?.texture ?? null);
     }
     gl.uniform1iv(blend.uniform('views'), this.#units);
@@ -343,14 +405,12 @@ export class ViewRenderer implements Disposable {
         missing += 256 * (counted[at + 1] ?? 0) + (counted[at + 3] ?? 0);
       }
       const all = targets.result.width * targets.result.height;
-      this.#shares = { peaked: peaked / all, missing: missing / all };
+      this.#peakedShare = peaked / all;
+      this.#missingShare = missing / all;
     }
     const samples = targets.gridBack.take();
     if (samples === null) return;
-    const gain = exposureGain(samples);
-    if (gain.every((factor, c) => Math.fround(factor) === this.#gain[c])) return;
-    this.#gain.set(gain);
-    targets.threshold = NaN; // compared again
+    if (exposureGain(samples, this.#gain)) targets.threshold = NaN; // compared again
   }
 
   #count(targets: Targets): void {
@@ -418,12 +478,12 @@ export class ViewRenderer implements Disposable {
     gl.uniform1i(display.uniform('view'), 0);
     gl.uniform1i(display.uniform('live'), 1);
     gl.uniform1i(display.uniform('shown'), 2);
-    gl.uniform1i(display.uniform('base'), look.overlay === 'video' ? 1 : 0);
+    gl.uniform1i(display.uniform('base'), compared && look.overlay !== 'video' ? 0 : 1);
     gl.uniform1i(display.uniform('peaks'), compared && look.overlay !== 'mpi' ? 1 : 0);
     gl.uniform1f(display.uniform('peak_opacity'), look.peakOpacity);
     gl.uniform1i(display.uniform('pattern'), look.pattern ? 1 : 0);
     this.#cover();
-    for (let unit = 0; unit < MOST_VIEWS; unit += 1) gl.bindSampler(unit, null);
+    for (let unit = 0; unit < MAX_NEIGHBOURS; unit += 1) gl.bindSampler(unit, null);
   }
 
   #bind(unit: number, texture: WebGLTexture | null): void {

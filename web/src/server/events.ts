@@ -6,7 +6,7 @@
  * hides the server's pings, by whose absence a connection that died in silence is known.
  */
 
-import type { ServerEvent, SessionEvent } from '../wire';
+import { SILENCE_S, type ServerEvent, type SessionEvent } from '../wire';
 import { ApiError, type Api, type Role } from './api';
 import { EventStreamReader } from './event_stream';
 import { backoff_ms, browserPacing, type Pacing } from './pacing';
@@ -26,8 +26,8 @@ export interface EventsOptions {
   readonly network?: EventTarget | null;
 }
 
-/** The server pings every 10 s; after so long without a byte the connection is dead. */
-const SILENCE_MS = 35_000;
+/** After so long without a byte, not even a ping, the connection is dead. */
+const SILENCE_MS = 1000 * SILENCE_S;
 
 /** Follow one session until the signal aborts; then resolves. */
 export function sessionEvents(

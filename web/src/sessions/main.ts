@@ -3,7 +3,7 @@
 import { Api } from '../server/api';
 import { serverEvents, sessionEvents } from '../server/events';
 import { make } from '../ui/dom';
-import { percent } from '../ui/share_graph';
+import { PAPER_PERCENT, percent } from '../ui/share_graph';
 import type { PeakedSample, ServerEvent, Session, SessionEvent, SessionSummary } from '../wire';
 import { drawShares } from './share_chart';
 import { drawTopView, topViewOf } from './top_view';
@@ -128,7 +128,7 @@ function drawDetail(): void {
         : summary.source}&session=${id}` }, 'Go on capturing'), rename),
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'From above'), make('div', { id: 'above' })),
-      make('div', { className: 'card' }, make('h2', {}, 'Peaked share over time (dashed: 4.28\u00a0%)'),
+      make('div', { className: 'card' }, make('h2', {}, `Peaked share over time (dashed: ${PAPER_PERCENT})`),
         make('div', { id: 'shares' }))),
     make('div', { className: 'photos' }, ...photos),
   );

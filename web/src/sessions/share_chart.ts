@@ -1,7 +1,7 @@
 /** Peaked share over the time of a session, as SVG. */
 
-import { GOAL_SHARE, percent } from '../ui/share_graph';
-import type { Capture, PeakedSample } from '../wire';
+import { percent } from '../ui/share_graph';
+import { PAPER_PEAKED_SHARE, type Capture, type PeakedSample } from '../wire';
 
 const WIDTH = 600;
 const HEIGHT = 400;
@@ -14,7 +14,7 @@ export function drawShares(
   const first = samples[0]?.time_s;
   const last = samples.at(-1)?.time_s;
   if (first === undefined || last === undefined) return '';
-  const top = Math.max(2.5 * GOAL_SHARE, ...samples.map((sample) => sample.peaked_share));
+  const top = Math.max(2.5 * PAPER_PEAKED_SHARE, ...samples.map((sample) => sample.peaked_share));
   const x = (time_s: number): number =>
     LEFT + ((WIDTH - LEFT - 6) * (time_s - first)) / Math.max(last - first, 1);
   const y = (share: number): number => HEIGHT - BOTTOM - (HEIGHT - BOTTOM - 16) * (share / top);
@@ -26,9 +26,9 @@ export function drawShares(
   const label = (share: number): string =>
     `<text x="4" y="${y(share) + 7}" fill="#a9b0bb" font-size="20">${percent(share)}</text>`;
   return `<svg viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label="Peaked share over time">
-    <path d="M${LEFT} ${y(GOAL_SHARE)}H${WIDTH - 6}" stroke="#a9b0bb" stroke-dasharray="5 6"/>
+    <path d="M${LEFT} ${y(PAPER_PEAKED_SHARE)}H${WIDTH - 6}" stroke="#a9b0bb" stroke-dasharray="5 6"/>
     ${marks.join('')}<path d="M${curve.join('L')}" fill="none" stroke="#ff4d4d" stroke-width="2.5"
-    stroke-linejoin="round"/>${label(top)}${label(GOAL_SHARE)}
+    stroke-linejoin="round"/>${label(top)}${label(PAPER_PEAKED_SHARE)}
     <text x="${LEFT}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="20">0 s</text>
     <text x="${WIDTH - 6}" y="${HEIGHT - 4}" fill="#a9b0bb" font-size="20" text-anchor="end">${
   Math.round(last - first)} s</text></svg>`;

@@ -18,7 +18,7 @@ export interface RawDepth extends DepthGeometry {
 
 export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
 
-const MOST_MM = 65535;
+const MAX_MM = 65535;
 
 /**
  * Resample to a map that covers the picture. Phones turn and crop the depth buffer against the
@@ -41,7 +41,7 @@ export function depthMapOf(raw: RawDepth, format: DepthFormat, aspect: number): 
       if (column < 0 || row < 0 || column >= raw.width || row >= raw.height) continue;
       const mm = Math.round(at(values, row * raw.width + column) * toMm);
       // What is not a number, not in front, or too far for 16 bits is unknown.
-      if (mm > 0 && mm <= MOST_MM) depth_mm[y * width_px + x] = mm;
+      if (mm > 0 && mm <= MAX_MM) depth_mm[y * width_px + x] = mm;
     }
   }
   return { width_px, height_px, depth_mm };

@@ -27,7 +27,7 @@ export interface Viewport {
 export interface LiveFrame {
   /** Of `performance.now()`'s clock. */
   readonly time_ms: number;
-  /** Of the live picture at its own size; null while tracking is lost. */
+  /** Of the live picture at its own size; null while tracking is lost. Its numbers change with the frame. */
   readonly camera: Camera | null;
   /** The live picture, RGBA8 without alpha, **bottom row first** as GL has it; null when there is none. */
   readonly image: WebGLTexture | null;

@@ -61,6 +61,7 @@ async function run(
 ): Promise<void> {
   const index = await server.recording(name);
   controls.count = index.frames.length;
+  const cameras = index.frames.map((recorded) => cameraOfWire(recorded.camera));
   const cache = new FrameCache(server, index);
   const frame = new ReplayFrame(gl);
   let shownAt_ms = -Infinity;
@@ -77,9 +78,9 @@ async function run(
           controls.advance();
         }
         const loaded = cache.get(controls.index);
-        const recorded = index.frames[controls.index];
-        if (loaded === null || recorded === undefined) return;
-        if (frame.show(controls.index, loaded, cameraOfWire(recorded.camera))) shownAt_ms = time_ms;
+        const camera = cameras[controls.index];
+        if (loaded === null || camera === undefined) return;
+        if (frame.show(controls.index, loaded, camera)) shownAt_ms = time_ms;
         frame.time_ms = time_ms;
         onFrame(frame);
       } catch (error) {
@@ -95,6 +96,8 @@ async function run(
 /** Fetches and decodes frames before they are shown. */
 class FrameCache {
   readonly #frames = new Map<number, Loaded | 'coming'>();
+  /** The frame around which others were let go last. */
+  #around = -1;
 
   constructor(private readonly server: RecordingServer, private readonly index: RecordingIndex) {}
 
@@ -107,12 +110,8 @@ class FrameCache {
   get(index: number): Loaded | null {
     const last = Math.min(index + AHEAD, this.index.frames.length - 1);
     for (let i = index; i <= last; i += 1) if (!this.#frames.has(i)) void this.#fetch(i);
-    for (const [i, held] of this.#frames) {
-      if (i >= index - AHEAD && i <= last) continue;
-      if (held === 'coming') continue;
-      held.picture.close();
-      this.#frames.delete(i);
-    }
+    if (index !== this.#around) this.#letGo(index - AHEAD, last);
+    this.#around = index;
     const held = this.#frames.get(index);
     return held === undefined || held === 'coming' ? null : held;
   }
@@ -120,6 +119,15 @@ class FrameCache {
   close(): void {
     for (const held of this.#frames.values()) if (held !== 'coming') held.picture.close();
     this.#frames.clear();
+  }
+
+  /** All but those from `first` to `last`; what is still coming is let go another time. */
+  #letGo(first: number, last: number): void {
+    for (const [i, held] of this.#frames) {
+      if ((i >= first && i <= last) || held === 'coming') continue;
+      held.picture.close();
+      this.#frames.delete(i);
+    }
   }
 
   async #fetch(index: number): Promise<void> {
@@ -147,18 +155,20 @@ class ReplayFrame implements LiveFrame {
   camera: Camera | null = null;
   image: WebGLTexture | null = null;
   readonly framebuffer = null;
+  readonly #viewport = { x: 0, y: 0, width: 0, height: 0 };
   #index = -1;
+  #depth: DepthMap | null = null;
+
+  constructor(private readonly gl: WebGL2RenderingContext) {}
 
   get pictureId(): number {
     return this.#index;
   }
 
-  #depth: DepthMap | null = null;
-
-  constructor(private readonly gl: WebGL2RenderingContext) {}
-
   get viewport(): Viewport {
-    return { x: 0, y: 0, width: this.gl.drawingBufferWidth, height: this.gl.drawingBufferHeight };
+    this.#viewport.width = this.gl.drawingBufferWidth;
+    this.#viewport.height = this.gl.drawingBufferHeight;
+    return this.#viewport;
   }
 
   /** Returns whether it is another frame than before. */

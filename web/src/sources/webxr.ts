@@ -3,7 +3,10 @@
  * `XRWebGLLayer`; docs/capture.md says which browsers have it.
  */
 
-import { pinholeOfProjection, worldFromCamOfWebXr, type Camera } from '../geometry';
+import {
+  identity, pinholeOfProjection, pinholeScratch, worldFromCamOfWebXr, type Cam, type Camera,
+  type World,
+} from '../geometry';
 import { depthMapOf, type DepthFormat, type RawDepth } from './depth';
 import {
   SourceError, type DepthMap, type FrameSource, type LiveFrame, type SourceKind, type Viewport,
@@ -116,6 +119,15 @@ function sentenceOf(name: string): string {
   }
 }
 
+function viewWithCamera(pose: XRViewerPose | undefined): CameraView | null {
+  const views = pose?.views as readonly CameraView[] | undefined;
+  for (let i = 0; i < (views?.length ?? 0); i += 1) {
+    const view = views?.[i];
+    if (view?.camera != null) return view;
+  }
+  return null;
+}
+
 class XrLiveFrame implements LiveFrame, Disposable {
   time_ms = 0;
   camera: Camera | null = null;
@@ -124,6 +136,10 @@ class XrLiveFrame implements LiveFrame, Disposable {
   viewport: Viewport = { x: 0, y: 0, width: 1, height: 1 };
 
   readonly #binding: CameraBinding;
+  /** Of every frame; written anew each time. */
+  readonly #pinhole = pinholeScratch();
+  readonly #worldFromCam = identity<World, Cam>();
+  readonly #camera: Camera = { pinhole: this.#pinhole, worldFromCam: this.#worldFromCam };
   #gpuDepth: GpuDepthReader | null = null;
   #xrFrame: XRFrame | null = null;
   #view: XRView | null = null;
@@ -145,9 +161,7 @@ class XrLiveFrame implements LiveFrame, Disposable {
     this.time_ms = time_ms;
     this.#xrFrame = xrFrame;
     this.framebuffer = this.layer.framebuffer;
-    const pose = xrFrame.getViewerPose(space);
-    const views = (pose?.views ?? []) as readonly CameraView[];
-    const view = views.find((each) => each.camera) ?? null;
+    const view = viewWithCamera(xrFrame.getViewerPose(space));
     this.#view = view;
     if (view?.camera == null) {
       this.camera = null;
@@ -156,10 +170,9 @@ class XrLiveFrame implements LiveFrame, Disposable {
     }
     this.viewport = this.layer.getViewport(view) ?? this.viewport;
     const { width, height } = view.camera;
-    this.camera = {
-      pinhole: pinholeOfProjection(view.projectionMatrix, width, height),
-      worldFromCam: worldFromCamOfWebXr(view.transform.matrix),
-    };
+    pinholeOfProjection(view.projectionMatrix, width, height, this.#pinhole);
+    worldFromCamOfWebXr(view.transform.matrix, this.#worldFromCam);
+    this.camera = this.#camera;
     this.image = this.#binding.getCameraImage(view.camera);
   }
 

@@ -1,11 +1,9 @@
 /** What an answer has to be: the twin of `problems` in `src/peaking/study/questionnaires`. */
 
 import type { Answer, Answers } from './study_api';
-import type { Item, Questionnaire } from './wire';
+import { MAX_TEXT, type Item, type Questionnaire } from './wire';
 
 export type Problem = 'unanswered' | 'not-a-number' | 'out-of-range' | 'not-a-choice' | 'too-long';
-
-export const MOST_TEXT = 10_000;
 
 /** @returns The problem of each item that has one, in the order of the form. */
 export function problemsOf(form: Questionnaire, answers: Answers): ReadonlyMap<string, Problem> {
@@ -42,7 +40,7 @@ function problemOf(item: Item, answer: Answer): Problem | null {
     case 'choices':
       return Array.isArray(answer) && answer.every((value) => valuesOf(item).has(String(value)))
         ? null : 'not-a-choice';
-    case 'text': return String(answer).length <= MOST_TEXT ? null : 'too-long';
+    case 'text': return String(answer).length <= MAX_TEXT ? null : 'too-long';
     default: return item.kind satisfies never;
   }
 }

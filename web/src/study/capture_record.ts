@@ -9,14 +9,15 @@ const SAMPLE_EVERY_S = 1;
 /** Tracking that is lost for less is not felt, and is not counted. */
 const LOST_AFTER_S = 0.25;
 
+/** One frame. The object may be used again for the next. */
 export interface Moment {
   /** Seconds since 1970. */
-  readonly now_s: number;
-  readonly canShoot: boolean;
-  readonly camera: Camera | null;
-  readonly peakedShare: number | null;
-  readonly missingShare: number | null;
-  readonly views: number;
+  now_s: number;
+  canShoot: boolean;
+  camera: Camera | null;
+  peakedShare: number | null;
+  missingShare: number | null;
+  views: number;
 }
 
 export interface CaptureRecordOptions {
@@ -55,7 +56,7 @@ export class CaptureRecord {
   }
 
   /** For every frame. */
-  see(moment: Moment): void {
+  see(moment: Readonly<Moment>): void {
     if (this.#ended) return;
     if (!this.#begun) {
       if (!moment.canShoot) return;
@@ -121,7 +122,7 @@ export class CaptureRecord {
     this.#put('CaptureEnded', `${this.#options.session}-ended`, now_s);
   }
 
-  #tracking(moment: Moment): void {
+  #tracking(moment: Readonly<Moment>): void {
     if (moment.camera !== null) {
       if (this.#lostTold) this.#tell('TrackingFound', moment.now_s);
       this.#lostSince_s = null;

@@ -6,26 +6,51 @@
 import type { CaptureSession } from '../capture/capture_session';
 import type { LiveView } from '../live_view';
 import type { Look } from '../render/view_renderer';
-import type { Api } from '../server/api';
-import type { SourceKind } from '../sources/frame_source';
+import type { CaptureExtension, CapturePage, ExtensionRequest } from '../extension';
+import type { GuideState } from '../guidance/guide_session';
 import { make } from '../ui/dom';
-import type { StudyHud } from '../ui/hud';
-import { CaptureRecord } from './capture_record';
+import { CaptureRecord, type Moment } from './capture_record';
 import { paragraphs } from './form';
+import './form.css';
+import { guideNews, type GuideNews } from './guide_news';
 import { outboxOf, sendLeftovers, type Outbox } from './outbox';
+import './sheet.css';
 import { persist, stepForm } from './step_form';
 import { fill, ParticipantApi, type Texts } from './study_api';
 import type { ParticipantState, ShownStep } from './wire';
 
 const ALIVE_EVERY_S = 1;
 
-/** What a guide tells: `scanned` when it has seen the scene, and the numbers that it shows. */
-export type GuideNews = Readonly<Record<string, number | boolean>>;
+/** Go on with the step that the participant is at, or leave for the participant's page. */
+export async function open(
+  { value: participant, query, api, source }: ExtensionRequest,
+): Promise<CaptureExtension> {
+  const own = new ParticipantApi(api, participant);
+  const [texts, state] = await Promise.all([own.texts(), own.state()]);
+  const { step } = state;
+  if (step === null || !isOverCamera(step)) return leave(participant, query);
+  const known = step.capture?.session ?? null;
+  if (known === null) localStorage.removeItem(aliveKey(participant, step));
+  // The world of a phone's camera has another origin after a reload: a session of its own.
+  const id = known === null || source === 'webxr' ? crypto.randomUUID() : known;
+  if (id !== known && step.kind !== 'ask' && step.kind !== 'review') {
+    await own.beginSession({ step: step.key, session: id });
+  }
+  return new StudyCapture(own, texts, id, step, query);
+}
 
-export class StudyCapture implements StudyHud {
+class StudyCapture implements CaptureExtension {
+  readonly offersHelp = false;
   readonly #outbox: Outbox;
   readonly #sheet = make('section', { className: 'study-sheet', hidden: true });
   readonly #shownNumbers = new Map<string, number>();
+  readonly #moment: Moment = {
+    now_s: 0, canShoot: false, camera: null, peakedShare: null, missingShare: null, views: 0,
+  };
+  /** How far the timeline was looked through. */
+  #noted = -1;
+  #heardTaken: GuideState['takenBy'] | null = null;
+  #heardBound: GuideState['bound'] = null;
   #step: ShownStep;
   #shown = '';
   #record: CaptureRecord | null = null;
@@ -34,7 +59,7 @@ export class StudyCapture implements StudyHud {
   #alive_s = -Infinity;
   #finishing = false;
 
-  private constructor(
+  constructor(
     readonly api: ParticipantApi, readonly texts: Texts, readonly sessionId: string,
     step: ShownStep, readonly query: URLSearchParams,
   ) {
@@ -43,29 +68,9 @@ export class StudyCapture implements StudyHud {
     this.#outbox = outboxOf(api, sessionId);
   }
 
-  /** @returns null on a page that is no part of a study. */
-  static async open(
-    api: Api, query: URLSearchParams, kind: SourceKind,
-  ): Promise<StudyCapture | null> {
-    const participant = query.get('study');
-    if (participant === null) return null;
-    const own = new ParticipantApi(api, participant);
-    const [texts, state] = await Promise.all([own.texts(), own.state()]);
-    const { step } = state;
-    if (step === null || !isOverCamera(step)) return leave(participant, query);
-    const known = step.capture?.session ?? null;
-    if (known === null) localStorage.removeItem(aliveKey(participant, step));
-    // The world of a phone's camera has another origin after a reload: a session of its own.
-    const id = known === null || kind === 'webxr' ? crypto.randomUUID() : known;
-    if (id !== known && step.kind !== 'ask' && step.kind !== 'review') {
-      await own.beginSession({ step: step.key, session: id });
-    }
-    return new StudyCapture(own, texts, id, step, query);
-  }
-
-  /** Of the capture session, for whoever looks through the photos later. */
-  get sessionName(): string {
-    return `${this.api.participant} ${this.#step.key}`;
+  /** The name is for whoever looks through the photos later. */
+  get session(): CaptureExtension['session'] {
+    return { id: this.sessionId, name: `${this.api.participant} ${this.#step.key}` };
   }
 
   /** What the participant is to do. */
@@ -90,17 +95,16 @@ export class StudyCapture implements StudyHud {
     return this.mayShoot || (this.#step.running && this.#step.kind === 'scan');
   }
 
-  /** A guide may draw its marks. */
-  get guiding(): boolean {
+  get showsGuide(): boolean {
     return this.#step.kind !== 'review';
   }
 
-  get busy(): boolean {
+  get covered(): boolean {
     return !this.#sheet.hidden;
   }
 
   /** Begin to follow the server, when the page has what is needed to show it. */
-  attach(live: LiveView, session: CaptureSession, overlay: HTMLElement): void {
+  attach({ live, session, overlay }: CapturePage): void {
     this.#live = live;
     this.#session = session;
     overlay.append(this.#sheet);
@@ -114,22 +118,24 @@ export class StudyCapture implements StudyHud {
     }, new AbortController().signal);
   }
 
-  /** For every frame. @param guide What the guide says, when there is one. */
-  see(guide: GuideNews | null): void {
+  onFrame(guide: GuideState | null): void {
     if (guide !== null) this.#hearGuide(guide);
     const live = this.#live;
     if (live === null || this.#record === null) return;
     const { seen, hindrance, camera } = live.state;
     const time_s = now_s();
-    this.#record.joined(live.timeline.all(), time_s - performance.now() / 1000);
-    this.#record.see({
-      now_s: time_s,
-      canShoot: hindrance === null,
-      camera,
-      peakedShare: seen?.peakedShare ?? null,
-      missingShare: seen?.missingShare ?? null,
-      views: this.#session?.views.length ?? 0,
-    });
+    if (live.timeline.noted !== this.#noted) {
+      this.#noted = live.timeline.noted;
+      this.#record.joined(live.timeline.all(), time_s - performance.now() / 1000);
+    }
+    const moment = this.#moment;
+    moment.now_s = time_s;
+    moment.canShoot = hindrance === null;
+    moment.camera = camera;
+    moment.peakedShare = seen?.peakedShare ?? null;
+    moment.missingShare = seen?.missingShare ?? null;
+    moment.views = this.#session?.views.length ?? 0;
+    this.#record.see(moment);
     if (!this.#record.running || Math.abs(time_s - this.#alive_s) < ALIVE_EVERY_S) return;
     this.#alive_s = time_s;
     localStorage.setItem(aliveKey(this.api.participant, this.#step), String(time_s));
@@ -227,16 +233,25 @@ export class StudyCapture implements StudyHud {
       : { ...look, overlay: 'video', peakOpacity: 0 };
   }
 
-  #hearGuide(news: GuideNews): void {
+  #hearGuide(guide: GuideState): void {
+    if (guide.phase === 'scan') return;
+    if (guide.takenBy !== this.#heardTaken || guide.bound !== this.#heardBound) {
+      this.#heardTaken = guide.takenBy;
+      this.#heardBound = guide.bound;
+      this.#tellGuide(guideNews(guide));
+    }
+    if (this.#step.kind === 'scan') void this.#finish();
+  }
+
+  #tellGuide(news: GuideNews): void {
     for (const [name, value] of Object.entries(news)) {
-      if (typeof value !== 'number' || this.#shownNumbers.get(name) === value) continue;
+      if (this.#shownNumbers.get(name) === value) continue;
       this.#shownNumbers.set(name, value);
       this.#outbox.put({
         kind: 'GuideTold', id: crypto.randomUUID(), step: this.#step.key, time_s: now_s(), name,
         value,
       });
     }
-    if (news['scanned'] === true && this.#step.kind === 'scan') void this.#finish();
   }
 
   /** @param whole Over the whole picture, or from its lower edge. */

@@ -1,9 +1,9 @@
 /** A questionnaire as a plain HTML form: labels, fieldsets, keyboard, and what is missing on top. */
 
 import { make } from '../ui/dom';
-import { MOST_TEXT, problemsOf, rangeOf } from './answer_rules';
+import { problemsOf, rangeOf } from './answer_rules';
 import { fill, type Answer, type Answers, type Texts } from './study_api';
-import type { Item, Questionnaire } from './wire';
+import { MAX_TEXT, type Item, type Questionnaire } from './wire';
 
 export interface FormActions {
   /** An answer was changed by the person. */
@@ -238,7 +238,7 @@ function numberField(item: Item, texts: Texts): Field {
 }
 
 function textField(item: Item, texts: Texts): Field {
-  const input = make('textarea', { id: item.id, rows: 4, maxLength: MOST_TEXT });
+  const input = make('textarea', { id: item.id, rows: 4, maxLength: MAX_TEXT });
   return lineField(item, texts, input, () => (input.value.trim() === '' ? null : input.value));
 }
 

@@ -1,13 +1,13 @@
 /** What a study records of a guide. */
 
 import type { GuideState } from '../guidance/guide_session';
-import type { GuideNews } from './capture_study';
 
-/** Numbers are told when the scan is over: until then they are on their way. */
+/** The numbers that a guide shows, by name. */
+export type GuideNews = Readonly<Record<string, number>>;
+
+/** Of a scan that is over: until then the numbers are on their way. */
 export function guideNews(state: GuideState): GuideNews {
-  if (state.phase === 'scan') return { scanned: false };
   return {
-    scanned: true,
     targets: state.takenBy.length,
     targets_taken: state.taken,
     ...(state.zMin_m !== null && { z_min_m: state.zMin_m }),

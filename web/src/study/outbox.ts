@@ -5,10 +5,9 @@
 
 import { ApiError } from '../server/api';
 import type { ParticipantApi } from './study_api';
-import type { Told } from './wire';
+import { MAX_EVENTS, type Told } from './wire';
 
 const EVERY_MS = 1000;
-const MOST_AT_ONCE = 200;
 
 export class Outbox {
   #events: Told[];
@@ -46,7 +45,7 @@ export class Outbox {
   }
 
   async #sendSome(): Promise<void> {
-    const some = this.#events.slice(0, MOST_AT_ONCE);
+    const some = this.#events.slice(0, MAX_EVENTS);
     try {
       await this.send(some);
     } catch (error) {

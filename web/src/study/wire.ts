@@ -1,6 +1,11 @@
 // Generated from src/peaking/server/study/wire.py by `make wire`; do not edit.
 /* eslint-disable */
 
+/** Characters of an answer in words. */
+export const MAX_TEXT = 10000;
+/** Events that a phone tells at once. */
+export const MAX_EVENTS = 200;
+
 /** One of the answers to choose from. */
 export interface Choice {
   readonly value: string;

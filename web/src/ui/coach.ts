@@ -1,10 +1,10 @@
 /** Four steps, taken by doing them: shoot – move – shoot the red – see it go. */
 
 export interface CoachMoment {
-  readonly views: number;
+  views: number;
   /** Views whose MPI takes part already. */
-  readonly ready: number;
-  readonly peakedShare: number | null;
+  ready: number;
+  peakedShare: number | null;
 }
 
 export const STEPS = [
@@ -26,7 +26,7 @@ export class Coach {
   #redBefore = 0;
 
   /** Tell what is; moves on when a step has been taken. */
-  update(now: CoachMoment): void {
+  update(now: Readonly<CoachMoment>): void {
     const red = now.peakedShare ?? 0;
     switch (this.step) {
       case 0:
@@ -57,7 +57,7 @@ export class Coach {
     return this.step >= STEPS.length;
   }
 
-  #next(now: CoachMoment): void {
+  #next(now: Readonly<CoachMoment>): void {
     this.step += 1;
     this.#viewsBefore = now.views;
   }

@@ -23,9 +23,17 @@ export function button(
   return element;
 }
 
-/** Set the text only when it changed: cheap enough for every frame. */
+/** What was said last: reading it back from an element would make a string every time. */
+const said = new WeakMap<HTMLElement, string>();
+
+/**
+ * Set the text only when it changed: cheap enough for every frame. Nothing else may change the text
+ * of such an element.
+ */
 export function say(element: HTMLElement, text: string): void {
-  if (element.textContent !== text) element.textContent = text;
+  if (said.get(element) === text) return;
+  said.set(element, text);
+  element.textContent = text;
 }
 
 export function show(element: HTMLElement, visible: boolean): void {

@@ -13,7 +13,7 @@ export interface GuideActions {
 /** Words and numbers change at most this often, so that they can be read. */
 const EVERY_MS = 300;
 /** Steps smaller than this are not said. */
-const LEAST_SAID_M = 0.005;
+const MIN_SAID_M = 0.005;
 
 const ASKS: Readonly<Record<GuideKind, (state: GuideState) => string>> = {
   plenoptic: ({ bound }) => (bound === null ? '' : `asks for ${bound.numViews} views: `
@@ -90,7 +90,7 @@ export function steps(toNext_m: GuideState['toNext_m']): string {
   const named = ([
     [right, right > 0 ? 'right' : 'left'], [down, down > 0 ? 'down' : 'up'],
     [ahead, ahead > 0 ? 'forward' : 'back'],
-  ] as const).filter(([step_m]) => Math.abs(step_m) >= LEAST_SAID_M)
+  ] as const).filter(([step_m]) => Math.abs(step_m) >= MIN_SAID_M)
     .sort(([a], [b]) => Math.abs(b) - Math.abs(a)).slice(0, 2);
   if (named.length === 0) return 'turn until the blue line is a point';
   return named.map(([step_m, where]) => `${cm(Math.abs(step_m))} ${where}`).join(', ');

@@ -3,24 +3,20 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
-import { Coach, STEPS } from './coach';
+import { Coach, STEPS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
+import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
-import { percent, ShareHistory } from './share_graph';
-import { finishSheet, settingsSheet, viewsSheet, type Sheet } from './sheets';
+import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
+import { finishSheet, settingsSheet, viewsSheet, type Sheet, type SheetActions } from './sheets';
 
-export interface HudActions {
+export interface HudActions extends SheetActions {
   shoot(): void;
-  undo(id: string): void;
   /** The last one that is there now, which may be ahead of what is shown. */
   undoLast(): void;
-  retry(id: string): void;
-  setLook(look: Look): void;
-  finish(name: string): void;
-  newSession(): void;
-  readonly datasetUrl: string;
 }
 
+/** The object may be used again for the next frame; `look` and `views` are new when they change. */
 export interface HudState {
   readonly time_ms: number;
   readonly look: Look;
@@ -30,20 +26,6 @@ export interface HudState {
   readonly notice: string | null;
   readonly canShoot: boolean;
   readonly sessionName: string;
-}
-
-/** What a study changes of the controls. */
-export interface StudyHud {
-  /** Whether anything red, or about red, may be seen. */
-  readonly showsRed: boolean;
-  readonly finishLabel: string;
-  /** Views may be taken, and taken back. */
-  readonly mayShoot: boolean;
-  /** The shutter does something. */
-  readonly mayPress: boolean;
-  /** Something lies over the picture: keys are not for it. */
-  readonly busy: boolean;
-  finish(): void;
 }
 
 const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
@@ -60,6 +42,7 @@ export class Hud {
   readonly #actions: HudActions;
   readonly #history = new ShareHistory();
   readonly #coach = new Coach();
+  readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
   readonly #share = make('strong', {}, '–');
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
@@ -78,14 +61,16 @@ export class Hud {
   readonly #scrub = make('input', { type: 'range', min: '0', step: '1', value: '0' });
   readonly #position = make('output');
   #play: HTMLButtonElement | null = null;
+  #shownFrame = -1;
+  #shownCount = -1;
   #sheet: Sheet | null = null;
   #state: HudState | null = null;
   #shownViews: readonly CapturedView[] = [];
+  #shownLook: Look | null = null;
   #numberAt_ms = -Infinity;
 
   constructor(
-    root: HTMLElement, actions: HudActions, replay: ReplayControls | null,
-    readonly study: StudyHud | null = null,
+    root: HTMLElement, actions: HudActions, replay: ReplayControls | null, readonly rules: HudRules,
   ) {
     this.#root = root;
     this.#actions = actions;
@@ -93,14 +78,15 @@ export class Hud {
     this.#notice.ariaLive = 'polite';
     const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
       this.#graph);
-    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is 4.28 %';
+    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is '
+      + PAPER_PERCENT;
     const tools = make('div', { className: 'tools' },
       button('', '?', 'Show the steps again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
       this.#coachSteps, button('', '✕', 'Hide the steps', () => this.#endCoach()));
-    // Every participant sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || study !== null) this.#coach.step = STEPS.length;
+    // Without help everybody sees the same, whatever others did on this phone.
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.step = STEPS.length;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -114,7 +100,7 @@ export class Hud {
     root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
       this.#coachBox, bottom);
     this.#red = [meter, looks];
-    show(tools, study === null);
+    show(tools, rules.offersHelp);
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
@@ -131,22 +117,8 @@ export class Hud {
     say(this.#notice, state.notice ?? '');
     show(this.#notice, state.notice !== null);
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
-    for (const [overlay, each] of this.#looks) {
-      const pressed = String(overlay === state.look.overlay);
-      if (each.ariaPressed !== pressed) each.ariaPressed = pressed;
-    }
-    if (this.study !== null) {
-      say(this.#finish, this.study.finishLabel);
-      if (this.#finish.ariaLabel !== null) {
-        // What is read out is what is seen.
-        this.#finish.removeAttribute('aria-label');
-        this.#finish.removeAttribute('title');
-      }
-      for (const each of this.#red) show(each, this.study.showsRed);
-      this.#shutter.classList.toggle('away', !this.study.mayPress);
-      show(this.#count, this.study.mayShoot);
-      show(this.#strip, this.study.mayShoot);
-    }
+    if (state.look !== this.#shownLook) this.#showLook(state.look);
+    this.#follow(this.rules);
     if (state.views !== this.#shownViews) this.#showViews(state.views);
     this.#showCoach(state);
     this.#showPlayer();
@@ -161,12 +133,34 @@ export class Hud {
     navigator.vibrate?.(30);
   }
 
+  #follow({ finishLabel, showsRed, mayShoot, mayPress }: HudRules): void {
+    if (finishLabel !== null) {
+      say(this.#finish, finishLabel);
+      if (this.#finish.ariaLabel !== null) {
+        // What is read out is what is seen.
+        this.#finish.removeAttribute('aria-label');
+        this.#finish.removeAttribute('title');
+      }
+    }
+    for (const each of this.#red) show(each, showsRed);
+    this.#shutter.classList.toggle('away', !mayPress);
+    show(this.#count, mayShoot);
+    show(this.#strip, mayShoot);
+  }
+
   #shoot(): void {
     if (this.#state?.canShoot === true) this.#actions.shoot();
   }
 
+  #showLook(look: Look): void {
+    this.#shownLook = look;
+    for (const [overlay, each] of this.#looks) each.ariaPressed = String(overlay === look.overlay);
+  }
+
   #showViews(views: readonly CapturedView[]): void {
     this.#shownViews = views;
+    this.#moment.views = views.length;
+    this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, views.length === 1 ? '1 view' : `${views.length} views`);
     this.#strip.replaceChildren(...views.map((view, i) => {
       const thumb = make('button', {
@@ -181,11 +175,8 @@ export class Hud {
 
   #showCoach(state: HudState): void {
     const before = this.#coach.step;
-    this.#coach.update({
-      views: state.views.length,
-      ready: state.views.filter((view) => view.state === 'ready').length,
-      peakedShare: state.peakedShare,
-    });
+    this.#moment.peakedShare = state.peakedShare;
+    this.#coach.update(this.#moment);
     if (this.#coach.done && before < STEPS.length) this.#endCoach();
     const step = STEPS[this.#coach.step];
     show(this.#coachBox, step !== undefined && this.#sheet === null);
@@ -208,7 +199,7 @@ export class Hud {
   }
 
   #setOverlay(overlay: Overlay): void {
-    if (this.study?.showsRed === false) return;
+    if (!this.rules.showsRed) return;
     if (this.#state !== null) this.#actions.setLook({ ...this.#state.look, overlay });
   }
 
@@ -216,7 +207,7 @@ export class Hud {
     this.#close();
     const state = this.#state;
     if (state === null) return;
-    if (which === 'finish' && this.study !== null) return this.study.finish();
+    if (which === 'finish' && this.rules.finish !== null) return this.rules.finish();
     const close = (): void => this.#close();
     switch (which) {
       case 'views': this.#sheet = viewsSheet(state.views, this.#actions, close); break;
@@ -257,23 +248,27 @@ export class Hud {
   #showPlayer(): void {
     const controls = this.#replay;
     if (controls === null) return;
-    this.#scrub.max = String(Math.max(controls.count - 1, 0));
-    if (this.#scrub.value !== String(controls.index)) this.#scrub.value = String(controls.index);
-    say(this.#position, `${controls.index + 1}/${controls.count}`);
     if (this.#play !== null) say(this.#play, controls.playing ? '⏸' : '▶');
+    const { index, count } = controls;
+    if (index === this.#shownFrame && count === this.#shownCount) return;
+    this.#shownFrame = index;
+    this.#shownCount = count;
+    this.#scrub.max = String(Math.max(count - 1, 0));
+    this.#scrub.value = String(index);
+    say(this.#position, `${index + 1}/${count}`);
   }
 
   #key(event: KeyboardEvent): void {
-    if (this.study?.busy === true) return;
+    if (this.rules.covered) return;
     const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
     const action = actionOfKey(event, typing);
     if (action === null) return;
     switch (action.kind) {
       case 'shoot': this.#shoot(); break;
-      case 'undo': if (this.study?.mayShoot !== false) this.#actions.undoLast(); break;
+      case 'undo': if (this.rules.mayShoot) this.#actions.undoLast(); break;
       case 'look': this.#setOverlay(action.overlay); break;
       case 'finish': this.#open('finish'); break;
-      case 'help': if (this.study === null) this.#restartCoach(); break;
+      case 'help': if (this.rules.offersHelp) this.#restartCoach(); break;
       case 'step': this.#replay?.step(action.frames); break;
       case 'close': this.#close(); return;
       default: action satisfies never;

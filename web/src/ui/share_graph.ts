@@ -1,7 +1,9 @@
 /** The peaked share over the last minute, as a small curve. */
 
-/** The paper's 4.28 %: below it, a view from here would not have been worth it. */
-export const GOAL_SHARE = 0.0428;
+import { PAPER_PEAKED_SHARE } from '../wire';
+
+/** "4.28 %": the dashed line of the graphs. */
+export const PAPER_PERCENT = `${(100 * PAPER_PEAKED_SHARE).toFixed(2)}\u00a0%`;
 const SHOWN_MS = 60_000;
 const EVERY_MS = 500;
 
@@ -27,7 +29,7 @@ export class ShareHistory {
 
   /** The top of the scale: what is shown fills the graph, and the goal is always in it. */
   get top(): number {
-    return Math.max(2.5 * GOAL_SHARE, ...this.points.map(({ share }) => share));
+    return Math.max(2.5 * PAPER_PEAKED_SHARE, ...this.points.map(({ share }) => share));
   }
 
   /** Draw over the whole canvas; the newest point is at its right edge. */
@@ -42,8 +44,8 @@ export class ShareHistory {
     context.setLineDash([3, 4]);
     context.strokeStyle = 'rgb(255 255 255 / 45%)';
     context.beginPath();
-    context.moveTo(0, y(GOAL_SHARE));
-    context.lineTo(width, y(GOAL_SHARE));
+    context.moveTo(0, y(PAPER_PEAKED_SHARE));
+    context.lineTo(width, y(PAPER_PEAKED_SHARE));
     context.stroke();
     context.setLineDash([]);
     context.fillStyle = '#fff';

@@ -3,7 +3,16 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look } from '../render/view_renderer';
 import { button, make } from './dom';
-import type { HudActions } from './hud';
+
+/** What the sheets ask of the page. */
+export interface SheetActions {
+  undo(id: string): void;
+  retry(id: string): void;
+  setLook(look: Look): void;
+  finish(name: string): void;
+  newSession(): void;
+  readonly datasetUrl: string;
+}
 
 export interface Sheet {
   readonly element: HTMLElement;
@@ -27,7 +36,7 @@ function sheet(title: string, close: () => void, ...content: Node[]): HTMLElemen
 }
 
 export function viewsSheet(
-  views: readonly CapturedView[], actions: HudActions, close: () => void,
+  views: readonly CapturedView[], actions: SheetActions, close: () => void,
 ): Sheet {
   const list = make('ul');
   const update = (now: readonly CapturedView[]): void => {
@@ -50,7 +59,7 @@ export function viewNote(view: Pick<CapturedView, 'state' | 'problem' | 'generat
 }
 
 function viewItem(
-  view: CapturedView, index: number, isLast: boolean, actions: HudActions,
+  view: CapturedView, index: number, isLast: boolean, actions: SheetActions,
 ): HTMLElement {
   const undo = (): void => {
     if (isLast || confirm(`Undo view ${index + 1}? The server keeps the photo aside.`)) {
@@ -67,7 +76,7 @@ function viewItem(
     button('pill', 'Undo', `Undo view ${index + 1}`, undo));
 }
 
-export function settingsSheet(look: Look, actions: HudActions, close: () => void): Sheet {
+export function settingsSheet(look: Look, actions: SheetActions, close: () => void): Sheet {
   let now = look;
   const change = (part: Partial<Look>): void => {
     now = { ...now, ...part };
@@ -103,7 +112,7 @@ function slider(
 }
 
 export function finishSheet(
-  name: string, views: readonly CapturedView[], actions: HudActions, close: () => void,
+  name: string, views: readonly CapturedView[], actions: SheetActions, close: () => void,
 ): Sheet {
   const input = make('input', { type: 'text', value: name, maxLength: 80 });
   const state = make('p');

@@ -28,11 +28,13 @@ class Memory implements GuideMemory {
   save(text: string | null): void { this.text = text; }
 }
 
+const SEES_WALL = { depth: () => WALL };
+const SEES_NOTHING = { depth: () => null };
 const NONE: readonly { readonly camera: Camera }[] = [];
 
 /** Look around for so many frames, a centimetre further in each. */
 function scan(session: GuideSession, frames: number, depth = WALL): void {
-  for (let i = 0; i < frames; i += 1) session.update(33 * i, at(0.01 * i), () => depth, NONE);
+  for (let i = 0; i < frames; i += 1) session.update(33 * i, at(0.01 * i), { depth: () => depth }, NONE);
 }
 
 describe('the scan', () => {
@@ -46,14 +48,14 @@ describe('the scan', () => {
     expect(session.state.bound?.viewsPerSide).toBe(2);
     expect(session.place(null)).toMatch(/Tracking/);
     expect(session.place(at(0))).toBeNull();
-    const state = session.update(0, at(-0.05, -0.05), () => WALL, NONE);
+    const state = session.update(0, at(-0.05, -0.05), SEES_WALL, NONE);
     expect([state.phase, state.takenBy.length, state.next, state.reach])
       .toEqual(['capture', 4, 0, 0]);
   });
 
   test('a camera that stands still confirms nothing', () => {
     const session = new GuideSession(options(), MPI, new Memory());
-    for (let i = 0; i < 100; i += 1) session.update(i, at(0), () => WALL, NONE);
+    for (let i = 0; i < 100; i += 1) session.update(i, at(0), SEES_WALL, NONE);
     expect(session.state.scanned).toBe(1);
   });
 
@@ -61,7 +63,7 @@ describe('the scan', () => {
     const session = new GuideSession(options(), MPI, new Memory());
     scan(session, 20, { ...WALL, depth_mm: new Uint16Array(100).fill(50) });
     expect(session.place(at(0))).toMatch(/smaller area/);
-    expect(session.update(0, at(0), () => WALL, NONE).phase).toBe('scan');
+    expect(session.update(0, at(0), SEES_WALL, NONE).phase).toBe('scan');
   });
 });
 
@@ -77,41 +79,41 @@ describe('the capture', () => {
     const session = placed();
     const all = [[-1, -1], [1, -1], [-1, 1], [1, 1]].map(([x, y]) =>
       ({ camera: at(0.05 * (x ?? 0), 0.05 * (y ?? 0)) }));
-    expect(session.update(0, at(0), () => null, all.slice(0, 1)).taken).toBe(1);
-    expect(session.update(1, at(0), () => null, all).phase).toBe('done');
-    expect(session.update(2, at(0), () => null, all.slice(1)).takenBy[0]).toBeNull();
+    expect(session.update(0, at(0), SEES_NOTHING, all.slice(0, 1)).taken).toBe(1);
+    expect(session.update(1, at(0), SEES_NOTHING, all).phase).toBe('done');
+    expect(session.update(2, at(0), SEES_NOTHING, all.slice(1)).takenBy[0]).toBeNull();
   });
 
   test('the automatic shutter waits for a steady hand, and forgets when it leaves', () => {
     const session = placed('&shutter=auto');
-    session.update(1000, at(0.05, 0.05), () => null, NONE);
+    session.update(1000, at(0.05, 0.05), SEES_NOTHING, NONE);
     expect(session.held(1100)).toBe(false);
     expect(session.held(1400)).toBe(true);
-    session.update(1500, at(0), () => null, NONE);
+    session.update(1500, at(0), SEES_NOTHING, NONE);
     expect(session.held(2000)).toBe(false);
     session.autoShutter = false;
-    session.update(3000, at(0.05, 0.05), () => null, NONE);
+    session.update(3000, at(0.05, 0.05), SEES_NOTHING, NONE);
     expect(session.held(5000)).toBe(false);
   });
 
   test('lost tracking reaches nothing', () => {
     const session = placed();
-    session.update(0, at(0.05, 0.05), () => null, NONE);
-    const lost = session.update(1, null, () => null, NONE);
+    session.update(0, at(0.05, 0.05), SEES_NOTHING, NONE);
+    const lost = session.update(1, null, SEES_NOTHING, NONE);
     expect([lost.reach, lost.toNext_m]).toEqual([null, null]);
     expect(lost.next).toBe(3);
   });
 
   test('a reload goes on; another guide and strangers’ memories do not', () => {
     const memory = new Memory();
-    const before = placed('', memory).update(0, at(0), () => null, NONE).guide;
+    const before = placed('', memory).update(0, at(0), SEES_NOTHING, NONE).guide;
     const again = new GuideSession(options(), MPI, memory);
-    expect(again.update(0, at(0), () => null, NONE).guide).toEqual(before);
+    expect(again.update(0, at(0), SEES_NOTHING, NONE).guide).toEqual(before);
     const other = new GuideSession({ ...options(), kind: 'planes' }, MPI, memory);
-    expect(other.update(0, at(0), () => null, NONE).phase).toBe('scan');
+    expect(other.update(0, at(0), SEES_NOTHING, NONE).phase).toBe('scan');
     memory.text = '{"kind":"plenoptic"';
     const stranger = new GuideSession(options(), MPI, memory);
-    expect(stranger.update(0, at(0), () => null, NONE).phase).toBe('scan');
+    expect(stranger.update(0, at(0), SEES_NOTHING, NONE).phase).toBe('scan');
   });
 
   test('the way to the next target in words', () => {

@@ -3,10 +3,10 @@
 import { cameraOfWire } from '../../src/geometry';
 import { MpiDecoder } from '../../src/mpi/decoder';
 import { MpiStore } from '../../src/mpi/mpi_store';
-import { nearestByDistance, nearestByOverlap } from '../../src/nearest';
 import type { Target } from '../../src/render/target';
 import { ViewRenderer, type Look } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
+import { ViewWeights } from '../../src/view_weights';
 import type { Camera as WireCamera, Options } from '../../src/wire';
 
 interface Fixture {
@@ -85,9 +85,12 @@ async function renderFixture(fixture: Fixture): Promise<object> {
 function nearest(
   cameras: readonly WireCamera[], target: WireCamera, depth_m: number | null, count: number,
 ): object {
-  const views = cameras.map(cameraOfWire);
-  return depth_m === null ? nearestByDistance(views, cameraOfWire(target), count)
-    : nearestByOverlap(views, cameraOfWire(target), depth_m, count);
+  const weights = new ViewWeights(count);
+  weights.measure(cameras.map(cameraOfWire), cameraOfWire(target));
+  const chosen = depth_m === null ? weights.byDistance(count) : weights.byOverlap(depth_m, count);
+  return Array.from({ length: chosen.count }, (_, k) => ({
+    index: chosen.index[k], weight: chosen.weight[k], distance_m: chosen.distance_m[k],
+  }));
 }
 
 Object.assign(window, { renderFixture, nearest });

@@ -1,5 +1,6 @@
 import { describe, expect, test } from 'vitest';
-import { GOAL_SHARE, percent, ShareHistory } from '../../src/ui/share_graph';
+import { percent, ShareHistory } from '../../src/ui/share_graph';
+import { PAPER_PEAKED_SHARE } from '../../src/wire';
 
 describe('percent', () => {
   test.each([
@@ -31,9 +32,9 @@ describe('the last minute', () => {
 
   test('the scale holds the goal, and all that is shown', () => {
     const history = new ShareHistory();
-    expect(history.top).toBeCloseTo(2.5 * GOAL_SHARE);
+    expect(history.top).toBeCloseTo(2.5 * PAPER_PEAKED_SHARE);
     history.add(0, 0.05);
-    expect(history.top).toBeCloseTo(2.5 * GOAL_SHARE);
+    expect(history.top).toBeCloseTo(2.5 * PAPER_PEAKED_SHARE);
     history.add(1000, 0.4);
     expect(history.top).toBe(0.4);
   });
@@ -67,7 +68,7 @@ test('the newest share is at the right edge, half a minute ago in the middle', (
   const canvas = { width: 120, height: 44, getContext: () => pen };
   history.draw(canvas as unknown as HTMLCanvasElement);
   // Two pixels stay free above and below: 0 is at 42, the top (0.2) at 2, the goal between them.
-  const goal = (42 - 40 * (GOAL_SHARE / 0.2)).toFixed(1);
+  const goal = (42 - 40 * (PAPER_PEAKED_SHARE / 0.2)).toFixed(1);
   expect(pen.lines).toEqual([`M0 ${goal}L120 ${goal}`, 'L60 42.0L120 2.0']);
   expect(pen.bars).toEqual([89]); // 15 s ago: 90, two pixels wide
 });

@@ -35,7 +35,7 @@ from peaking.server.study.shown import console_state, participant_state
 CONSOLE_COOKIE = "peaking_console"
 CONSOLE = ""
 """The console's topic; every other topic is a participant."""
-MOST_BYTES = 1_000_000
+MAX_BYTES = 1_000_000
 COOKIE_AGE_S = 30 * 24 * 3600
 
 T = TypeVar("T")
@@ -307,8 +307,8 @@ async def _json(request: Request, kind: type[T]) -> T:
     body = b""
     async for part in request.stream():
         body += part
-        if len(body) > MOST_BYTES:
-            raise HTTPException(413, f"That is more than {MOST_BYTES:,} bytes.")
+        if len(body) > MAX_BYTES:
+            raise HTTPException(413, f"That is more than {MAX_BYTES:,} bytes.")
     try:
         return msgspec.json.decode(body, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from peaking.study.procedure import Kind
-from peaking.study.questionnaires import Answer, Choice, Item, Questionnaire
+from peaking.study.questionnaires import MOST_TEXT, Answer, Choice, Item, Questionnaire
 from peaking.study.records import EventId, StepKey
 
 __all__ = ["Choice", "Item", "Questionnaire"]
@@ -16,6 +16,14 @@ __all__ = ["Choice", "Item", "Questionnaire"]
 Answers = Annotated[dict[str, Answer], Meta(max_length=200)]
 Seconds = Annotated[float, Meta(ge=0, le=1e11)]
 Share = Annotated[float, Meta(ge=0, le=1)]
+
+MAX_TEXT = MOST_TEXT
+"""Characters of an answer in words."""
+
+MAX_EVENTS = 200
+"""Events that a phone tells at once."""
+
+CONSTANTS = ("MAX_TEXT", "MAX_EVENTS")
 
 
 class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -149,7 +157,7 @@ class ToldEvents(Struct, frozen=True):
 
     session: Annotated[str, Meta(max_length=64)]
     """The capture session of the page that tells."""
-    events: Annotated[list[Told], Meta(max_length=1000)]
+    events: Annotated[list[Told], Meta(max_length=MAX_EVENTS)]
 
 
 # The console

@@ -15,7 +15,7 @@ const WALK_M_PER_S = 0.5;
 const DRAG_RAD_PER_PX = 0.003;
 const WHEEL_M_PER_PX = 0.0006;
 const PINCH_M_PER_PX = 0.002;
-const MOST_PITCH_RAD = 1.3;
+const MAX_PITCH_RAD = 1.3;
 /** Speeds follow the keys with this time constant, as an arm does. */
 const INERTIA_MS = 120;
 
@@ -28,7 +28,7 @@ const KEYS: Readonly<Record<string, readonly [right: number, up: number, ahead: 
 export class PhoneControls {
   readonly #held = new Set<string>();
   readonly #pointers = new Map<number, { x: number; y: number }>();
-  #speed = { right: 0, up: 0, ahead: 0 };
+  readonly #speed = { right: 0, up: 0, ahead: 0 };
 
   constructor(readonly pose: PhonePose) {}
 
@@ -60,20 +60,21 @@ export class PhoneControls {
 
   /** Let time pass. */
   advance(step_ms: number): void {
-    const aim = { right: 0, up: 0, ahead: 0 };
-    for (const code of this.#held) {
-      const [right, up, ahead] = KEYS[code] ?? [0, 0, 0];
-      aim.right += right;
-      aim.up += up;
-      aim.ahead += ahead;
-    }
     const keep = Math.exp(-step_ms / INERTIA_MS);
-    for (const axis of ['right', 'up', 'ahead'] as const) {
-      this.#speed[axis] = keep * this.#speed[axis] + (1 - keep) * aim[axis];
-      if (Math.abs(this.#speed[axis]) < 1e-3) this.#speed[axis] = 0;
-    }
+    const speed = this.#speed;
+    speed.right = this.#towards(0, keep, speed.right);
+    speed.up = this.#towards(1, keep, speed.up);
+    speed.ahead = this.#towards(2, keep, speed.ahead);
     const step_m = (WALK_M_PER_S * step_ms) / 1000;
-    this.#move(this.#speed.right * step_m, this.#speed.up * step_m, this.#speed.ahead * step_m);
+    this.#move(speed.right * step_m, speed.up * step_m, speed.ahead * step_m);
+  }
+
+  /** The speed along one axis of `KEYS`, a moment later. */
+  #towards(axis: 0 | 1 | 2, keep: number, speed: number): number {
+    let aim = 0;
+    for (const code of this.#held) aim += KEYS[code]?.[axis] ?? 0;
+    const next = keep * speed + (1 - keep) * aim;
+    return Math.abs(next) < 1e-3 ? 0 : next;
   }
 
   #drag(event: PointerEvent): void {
@@ -90,7 +91,7 @@ export class PhoneControls {
     }
     this.pose.yaw_rad += dx * DRAG_RAD_PER_PX;
     this.pose.pitch_rad = clamp(
-      this.pose.pitch_rad + dy * DRAG_RAD_PER_PX, -MOST_PITCH_RAD, MOST_PITCH_RAD);
+      this.pose.pitch_rad + dy * DRAG_RAD_PER_PX, -MAX_PITCH_RAD, MAX_PITCH_RAD);
   }
 
   /** Walking is level, wherever the phone looks. */

@@ -170,7 +170,8 @@ class DrawnCamera {
     FOV_Y_DEG, PICTURE.width_px / PICTURE.height_px, 0.05, 20);
   readonly #euler = new Euler(0, 0, 0, 'YXZ');
   readonly #depth: ArcoreDepth;
-  #drawnAt = '';
+  /** Where the picture was drawn from: position and quaternion. */
+  readonly #drawnAt = new Float64Array(7).fill(NaN);
 
   constructor(exactDepth: boolean) {
     this.#renderer.setPixelRatio(1);
@@ -194,15 +195,23 @@ class DrawnCamera {
 
   draw(): void {
     this.#depth.tick();
-    const here = [...this.#camera.position.toArray(), ...this.#camera.quaternion.toArray()].join();
-    if (here === this.#drawnAt) return;
-    this.#drawnAt = here;
+    if (!this.#hasMoved()) return;
     this.drawn += 1;
     this.#renderer.render(this.#room.scene, this.#camera);
   }
 
   depth(): RawDepth | null {
     return this.#depth.of(this.#camera);
+  }
+
+  #hasMoved(): boolean {
+    const { position: p, quaternion: q } = this.#camera;
+    const before = this.#drawnAt;
+    if (before[0] === p.x && before[1] === p.y && before[2] === p.z && before[3] === q.x
+      && before[4] === q.y && before[5] === q.z && before[6] === q.w) return false;
+    p.toArray(before);
+    q.toArray(before, 3);
+    return true;
   }
 }
 

@@ -1,6 +1,6 @@
 import { expect, test } from 'vitest';
-import { compose, inverse, rigid, type Cam, type World } from '../src/geometry';
-import { newProjection, project } from '../src/render/projection';
+import { compose, inverse, rigid, type Cam, type World } from '../../src/geometry';
+import { newProjection, project } from '../../src/render/projection';
 
 const SOURCE = { width_px: 100, height_px: 80, fx_px: 50, fy_px: 40, cx_px: 45, cy_px: 30 };
 const TARGET = { width_px: 60, height_px: 60, fx_px: 90, fy_px: 80, cx_px: 31, cy_px: 28 };
