@@ -10,7 +10,7 @@ from peaking.datasets import open_recording
 from peaking.frame import working_size_px
 from peaking.splat.options import SplatOptions
 from peaking.splat.ply import write_ply
-from peaking.splat.train import Step, train
+from peaking.splat.train import TrainingStep, train
 
 scene, ply_file, iterations = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 recording = open_recording(scene)
@@ -19,7 +19,7 @@ every_third = range(0, len(recording), 3)
 frames = [recording.read(index).resized(*size_px) for index in every_third]
 
 
-def show(step: Step) -> None:
+def show(step: TrainingStep) -> None:
     """Print the loss now and then."""
     if step.iteration % 100 == 0:
         print(f"step {step.iteration}: loss {step.loss:.3f}, {step.num_gaussians} Gaussians")

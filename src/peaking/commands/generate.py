@@ -43,11 +43,11 @@ class Generate:
         if not 1 <= self.quality <= 100:
             raise ArgumentError(f"need --quality of 1..100, got {self.quality}")
         with checked_arguments():
-            options = self.method.options()
+            builder = ViewBuilder(self.method.options())
         recording = open_recording(self.scene)
         if not 0 <= self.frame < len(recording):
             raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
-        made = ViewBuilder(options).build(recording.read(self.frame))
+        made = builder.build(recording.read(self.frame))
         mpi = made.mpi
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px
