@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from peaking.commands.arguments import checked_arguments
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 from peaking.options import PAPER_PEAKED_SHARE
 
@@ -21,12 +21,12 @@ COMPILED_AFTER = 2
 
 @dataclass(frozen=True)
 class Replay:
-    """Walk a recording and capture the frames that a policy takes.
+    """Replay a recording frame by frame, capture the frames that a policy takes, write a report.
 
-    By default the paper's: the first frame, then every frame whose peaked share exceeds the
-    threshold. With --guide, the recording is first scanned for the nearest depth, and then the
-    frames at the guide's targets are captured. Writes overlay.mp4, frames.csv, summary.json,
-    report.html and captured/ (the captured views as a data set).
+    The default policy is the paper's: it takes the first frame, then every frame whose peaked share
+    exceeds the threshold. With --guide, the recording is first scanned for the nearest depth, and
+    then the frames at the guide's targets are captured. Writes overlay.mp4, frames.csv,
+    summary.json, report.html and captured/ (the captured views as a data set).
 
     Examples:
       peaking replay scenes/desk --out out/desk
@@ -43,13 +43,13 @@ class Replay:
     policy: PolicyName = "threshold"
     """Which frames are captured: `threshold` is the paper's rule, `peaking` our own."""
     views: int | None = None
-    """How many views to choose; all policies but `threshold`, `plenoptic` and `all` need it."""
+    """Number of views to choose; required by `peaking`, `uniform`, `farthest` and `random`."""
     threshold: float = PAPER_PEAKED_SHARE
-    """Of `threshold`: peaked share, 0…1, above which a frame is captured (the paper's)."""
+    """With --policy threshold: peaked share, 0…1, above which a frame is captured (the paper's)."""
     spacing_m: float | None = None
-    """Of `plenoptic` without --views: metres between views."""
+    """With --policy plenoptic and without --views: distance (m) between views."""
     seed: int = 0
-    """Of `random`."""
+    """With --policy random: seed of the random choice."""
     guide: Literal["plenoptic", "planes", "hemisphere"] | None = None
     """Capture at the targets of a guide (LLFF's grid or another) instead of by the peaked share."""
     area_m: float = 0.15
@@ -81,6 +81,7 @@ class Replay:
         if not self.no_video:
             find_h264_encoder()
         recording = open_recording(self.scene)
+        self._check_policy(len(recording))
         with checked_arguments():
             guide = None
             if self.guide is not None:
@@ -128,3 +129,13 @@ class Replay:
             )
         print(f"captured views: {self.out / 'captured'}")
         print(f"report: {(self.out / 'report.html').resolve()}")
+
+    def _check_policy(self, num_frames: int) -> None:
+        if self.views is None and self.policy in ("peaking", "uniform", "farthest", "random"):
+            raise ArgumentError(f"need --views for --policy {self.policy}")
+        if self.views is None and self.spacing_m is None and self.policy == "plenoptic":
+            raise ArgumentError("need --views or --spacing-m for --policy plenoptic")
+        if self.views is not None and self.views > num_frames:
+            raise ArgumentError(
+                f"need --views of at most {num_frames}, the frames there are, got {self.views}"
+            )

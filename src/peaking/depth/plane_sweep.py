@@ -145,15 +145,12 @@ def _agreed(
     in_world_m = cameras[index].world_from_cam.apply(rays / disparity[ys, xs][:, None])
     agreed = np.zeros(len(ys), bool)
     for other in others:
-        in_cam_m = cameras[other].world_from_cam.inverse().apply(in_world_m)
-        height, width = found[other].shape
-        ahead = np.maximum(in_cam_m[:, 2], 1e-9)
-        pixel = (in_cam_m @ cameras[other].pinhole.px_from_cam.T)[:, :2] / ahead[:, None]
-        inside = (pixel >= 0).all(axis=1) & (pixel < [width, height]).all(axis=1)
-        inside &= in_cam_m[:, 2] > 0
-        column, row = np.where(inside[:, None], pixel, 0).astype(np.int64).T
+        xy_px, depth_m = cameras[other].project(in_world_m)
+        inside = ((xy_px >= 0) & (xy_px < cameras[other].pinhole.size_px)).all(axis=1)
+        column, row = np.where(inside[:, None], xy_px, 0).astype(np.int64).T
         there = found[other][row, column]
-        agreed |= inside & (there > 0) & (np.abs(there - 1 / ahead) < MAX_PLANES_APART * step)
+        near = np.abs(there - 1 / np.where(inside, depth_m, 1)) < MAX_PLANES_APART * step
+        agreed |= inside & (there > 0) & near
     kept = np.zeros_like(disparity)
     kept[ys[agreed], xs[agreed]] = disparity[ys, xs][agreed]
     return kept
