@@ -49,12 +49,12 @@ class Phone:
     def shoot(self, port: int, stop: threading.Event) -> None:
         connection = http.client.HTTPConnection("localhost", port, timeout=5)
         try:
-            connection.request("POST", "/api/v1/sessions", json.dumps(new_session()))
+            connection.request("PUT", f"/api/v1/sessions/{SESSION_ID}", json.dumps(new_session()))
             connection.getresponse().read()
             while not stop.is_set():
                 sent = capture_id(self.next)
                 path = f"/api/v1/sessions/{SESSION_ID}/captures/{sent}"
-                connection.request("POST", path, upload(self.next))
+                connection.request("PUT", path, upload(self.next))
                 answer = connection.getresponse()
                 answer.read()
                 assert answer.status in (200, 201), answer.status

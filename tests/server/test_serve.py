@@ -60,7 +60,7 @@ def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
         headers = {"Authorization": "Bearer a-token-to-test"}
         connection.request("GET", "/api/v1/server", headers=headers)
         answer = connection.getresponse()
-        assert (answer.status, b'"protocol":1' in answer.read()) == (200, True)
+        assert (answer.status, b'"protocol":2' in answer.read()) == (200, True)
         connection.close()
     finally:
         end(process)

@@ -12,6 +12,7 @@ from jaxtyping import Float32, UInt16
 
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.server import wire
+from peaking.server.responses import ProblemKind
 
 MAX_HEADER_BYTES = 20_000
 MAX_PHOTO_PIXELS = 40_000_000
@@ -27,10 +28,26 @@ BYTES_OF_POINT = 12
 class BadUpload(Exception):
     """An upload that cannot be used, now or later; the message is a sentence for the phone."""
 
-    def __init__(self, problem: str, *, status: int = 422) -> None:
-        """Keep the sentence and the HTTP status."""
+    def __init__(self, problem: str, *, status: int = 422, kind: ProblemKind = "invalid") -> None:
+        """Keep the sentence, the HTTP status and the kind of problem."""
         super().__init__(problem)
         self.status = status
+        self.kind: ProblemKind = kind
+
+
+def check_protocol(spoken: int, *, by: str) -> None:
+    """Refuse another version of the protocol.
+
+    Raises:
+        BadUpload: It is another one.
+    """
+    if spoken != wire.PROTOCOL:
+        raise BadUpload(
+            f"This server speaks version {wire.PROTOCOL} of the protocol, the {by} version "
+            f"{spoken}. Reload the page, or update the older of the two.",
+            status=400,
+            kind="protocol",
+        )
 
 
 @dataclass(frozen=True)
@@ -57,12 +74,7 @@ def parse_upload(body: bytes) -> Upload:
         BadUpload: Anything about it is wrong.
     """
     header, rest = _header(body)
-    if header.protocol != wire.PROTOCOL:
-        raise BadUpload(
-            f"This server speaks version {wire.PROTOCOL} of the protocol, the phone "
-            f"{header.protocol}; reload the page.",
-            status=400,
-        )
+    check_protocol(header.protocol, by="phone")
     camera_of_wire(header.camera)
     if len(rest) < header.photo_bytes:
         raise BadUpload(

@@ -41,7 +41,8 @@ export interface StoredPhoto {
 
 export interface StoredSession {
   readonly id: string;
-  readonly request: NewSession;
+  /** Earlier versions kept more with it. */
+  readonly request: Omit<NewSession, 'protocol'>;
   /** Whether the server knows it. */
   readonly begun: boolean;
   /** A name or an end that the server has not been told yet. */

@@ -5,7 +5,7 @@
 
 import { ApiError, type Api } from '../server/api';
 import { backoff_ms, browserPacing, type Pacing } from '../server/pacing';
-import type { Capture } from '../wire';
+import { PROTOCOL, type Capture } from '../wire';
 import type { CaptureDb, StoredCapture, StoredSession } from './capture_db';
 import { uploadBody } from './upload_body';
 
@@ -168,7 +168,10 @@ export class Uploader {
   }
 
   async #begin(session: StoredSession): Promise<void> {
-    await this.api.beginSession(session.request);
+    const { name, source, device } = session.request;
+    await this.api.beginSession(session.id, {
+      protocol: PROTOCOL, name, source, ...(device !== undefined && { device }),
+    });
     await this.db.changeSession(session.id, (now) => ({ ...now, begun: true }));
   }
 

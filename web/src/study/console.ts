@@ -4,7 +4,10 @@ import { Api, ApiError } from '../server/api';
 import { followEvents } from '../server/events';
 import { make } from '../ui/dom';
 import { percent } from '../ui/share_graph';
-import type { ConsoleState, NewParticipant, ParticipantLine, StepLine, TrialLine } from './wire';
+import {
+  consoleStateSchema, newParticipantSchema, participantStateSchema, type ConsoleState,
+  type ParticipantLine, type StepLine, type TrialLine,
+} from './wire';
 
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
@@ -22,7 +25,9 @@ async function main(): Promise<void> {
   window.addEventListener('hashchange', draw);
   setInterval(tick, TICK_MS);
   void waitUntilWarm();
-  await followEvents<ConsoleState>((open) => api.eventBytes(`${CONSOLE}/events`, open), {
+  const open = (signal: AbortSignal): ReturnType<Api['eventBytes']> =>
+    api.eventBytes(`${CONSOLE}/events`, signal);
+  await followEvents(open, consoleStateSchema, {
     onEvent: (news) => { state = news; draw(); },
     onConnection: (connection, refusal) => {
       document.body.dataset['connection'] = connection;
@@ -65,9 +70,9 @@ function drawList(from: ConsoleState): void {
   const counting = from.participants.filter((one) => one.excluded === null);
   const done = counting.filter((one) => one.state === 'done').length;
   const add = make('button', { className: 'add', type: 'button' }, 'Add participant');
-  add.onclick = () => void order('POST', '/participants', undefined, add).then((answer) => {
-    const { participant } = (answer ?? {}) as Partial<NewParticipant>;
-    if (participant !== undefined) location.hash = participant;
+  add.onclick = () => void whileDisabled(add, async () => {
+    const added = await api.ask('POST', `${CONSOLE}/participants`, newParticipantSchema);
+    location.hash = added.participant;
   });
   const current = chosen(from)?.participant;
   const items = from.participants.map((one) => {
@@ -136,11 +141,11 @@ function now(one: ParticipantLine): HTMLElement {
     return make('div', { className: 'now' }, title, place,
       make('p', {}, 'The participant fills this in on the phone.'));
   }
-  const verb = step.state === 'waiting' ? 'start' : 'stop';
+  const waiting = step.state === 'waiting';
   const go = make('button', { className: 'primary', type: 'button', id: 'go' },
-    verb === 'start' ? `Start ${step.label.toLowerCase()}` : `Stop ${step.label.toLowerCase()}`);
-  go.onclick = () => void order('POST', `/participants/${one.participant}/${verb}`,
-    { step: step.key }, go);
+    `${waiting ? 'Start' : 'Stop'} ${step.label.toLowerCase()}`);
+  go.onclick = () => void order(
+    'PUT', `${stepPath(one, step)}/${waiting ? 'started' : 'finished'}`, undefined, go);
   return make('div', { className: `now ${step.state}` }, title, place, clock, go);
 }
 
@@ -188,7 +193,7 @@ function stepsOf(one: ParticipantLine): HTMLElement[] {
     again.onclick = () => {
       const text = prompt(`Repeat "${step.label}" and what came after it. Why? It is recorded.`)?.trim();
       if (text !== undefined && text !== '') {
-        void order('POST', `/participants/${one.participant}/repeat`, { step: step.key, text }, again);
+        void order('POST', `${stepPath(one, step)}/repetitions`, { text }, again);
       }
     };
     const took = step.began_s != null && step.ended_s != null
@@ -208,13 +213,13 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
     const text = note.value.trim();
     if (text === '') return;
     note.value = '';
-    void order('POST', `/participants/${one.participant}/note`, { text }, keep);
+    void order('POST', `${pathOf(one)}/notes`, { text }, keep);
   };
   const out = make('button', { type: 'button', className: 'small' }, 'Leave out of the study');
   out.onclick = () => {
     const text = prompt(`Leave ${one.participant} out of the analysis. Why? It is recorded.`)?.trim();
     if (text !== undefined && text !== '') {
-      void order('POST', `/participants/${one.participant}/exclude`, { text }, out);
+      void order('PUT', `${pathOf(one)}/excluded`, { text }, out);
     }
   };
   return make('div', { className: 'card' },
@@ -227,17 +232,31 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
 
 async function order(
   method: string, path: string, json: object | undefined, button: HTMLButtonElement,
-): Promise<unknown> {
+): Promise<void> {
+  await whileDisabled(button, () => api.ask(method, CONSOLE + path, participantStateSchema, json));
+}
+
+/** Pressed once is pressed once; what goes wrong is said at the top. */
+async function whileDisabled(
+  button: HTMLButtonElement, work: () => Promise<unknown>,
+): Promise<void> {
   button.disabled = true;
   try {
-    return await api.ask(method, CONSOLE + path, json);
+    await work();
   } catch (error) {
     const said = error instanceof ApiError ? error.problem : String(error);
     elementOf('remarks').replaceChildren(make('p', { role: 'alert' }, said));
-    return null;
   } finally {
     button.disabled = false;
   }
+}
+
+function pathOf(one: ParticipantLine): string {
+  return `/participants/${encodeURIComponent(one.participant)}`;
+}
+
+function stepPath(one: ParticipantLine, step: StepLine): string {
+  return `${pathOf(one)}/steps/${encodeURIComponent(step.key)}`;
 }
 
 /** Clocks run on; nothing else changes without news. */
