@@ -1,5 +1,4 @@
 // Generated from src/peaking/server/wire.py by `make wire`; do not edit.
-/* eslint-disable */
 
 import {
   flag, integer, list, nullable, number, oneOf, optional, record, tagged, text, type Schema,

@@ -17,9 +17,7 @@ import msgspec
 from peaking.server import wire
 from peaking.server.study import wire as study_wire
 
-HEADER = """// Generated from src/peaking/server/{file} by `make wire`; do not edit.
-/* eslint-disable */
-"""
+HEADER = "// Generated from src/peaking/server/{file} by `make wire`; do not edit.\n"
 
 RECEIVED = (
     wire.ServerInfo,

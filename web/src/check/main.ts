@@ -102,7 +102,7 @@ async function main(): Promise<void> {
 
 function missingFirst(findings: readonly Finding[]): Finding[] {
   const order = { bad: 0, warn: 1, good: 2 } as const;
-  return findings.toSorted((a, b) => order[a.grade] - order[b.grade]);
+  return [...findings].sort((a, b) => order[a.grade] - order[b.grade]);
 }
 
 void main();

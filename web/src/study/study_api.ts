@@ -79,6 +79,6 @@ export function refusedItems(error: unknown): Readonly<Record<string, string>> |
 }
 
 /** Fill the places of a text: `fill('Step {n}', { n: 2 })`. */
-export function fill(text: string, values: Readonly<Record<string, string | number>>): string {
-  return text.replace(/\{(\w+)\}/g, (all, name: string) => String(values[name] ?? all));
+export function fill(template: string, values: Readonly<Record<string, string | number>>): string {
+  return template.replace(/\{(\w+)\}/g, (all, name: string) => String(values[name] ?? all));
 }
