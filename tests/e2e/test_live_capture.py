@@ -72,7 +72,7 @@ def test_the_list_of_views_says_who_made_them(context: BrowserContext, tmp_path:
         phone.page.get_by_role("button", name="List of views").click()
         note = phone.page.get_by_role("dialog", name="Views").locator("small")
         phone.wait_for(lambda: "made by" in note.inner_text())
-        assert "part of the picture · made by" in note.inner_text()
+        assert "ready · made by" in note.inner_text()
         phone.keep_picture("views-first")
         phone.wait_for(lambda: note.inner_text().endswith("made by adampi"))
         phone.let_pass(6)

@@ -297,7 +297,7 @@ class _Handlers:
     def _recording(self, request: Request) -> PlayedRecording:
         recording = self.config.recordings.get(request.path_params["recording"])
         if recording is None:
-            raise HTTPException(404, "This server does not play a recording of that name.")
+            raise HTTPException(404, "This server has no recording of that name.")
         return recording
 
     async def _json(self, request: Request, kind: type[T]) -> T:
@@ -416,7 +416,7 @@ def _handlers() -> Mapping[Any, Any]:
         if isinstance(error, DiskFull):
             return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)
-        return problem(500, "Something went wrong on the server; its log says what.")
+        return problem(500, "Something went wrong on the server. Its log has the details.")
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
@@ -426,7 +426,7 @@ def _id(request: Request, name: str) -> str:
     try:
         return msgspec.convert(request.path_params[name], wire.Id)
     except msgspec.ValidationError:
-        raise HTTPException(404, f"That is no id of a {name}.") from None
+        raise HTTPException(404, f"This is not a valid {name} id.") from None
 
 
 def _or_404(call: Callable[[int], T], index: int) -> T:
@@ -438,7 +438,7 @@ def _or_404(call: Callable[[int], T], index: int) -> T:
 
 def _file(path: Path, media_type: str) -> Response:
     if not path.is_file():
-        raise HTTPException(404, "That file is not there.")
+        raise HTTPException(404, "There is no such file.")
     return FileResponse(path, media_type=media_type, headers=_LASTING)
 
 

@@ -62,7 +62,7 @@ class Guard:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if self.token is None and _name(host) not in LOOPBACK_NAMES:
-            return problem(403, "This server only answers to localhost.")
+            return problem(403, "This server answers only requests to localhost.")
         if not scope["path"].startswith(API):
             return None
         if self.token is not None and not self._knows_token(headers):

@@ -260,7 +260,7 @@ export class Uploader {
 
   /** The database, or a fault of ours: said, and tried again; the photo is where it was. */
   #fault(error: unknown): Outcome {
-    this.listener.onTrouble(`Sending failed: ${String(error)}`);
+    this.listener.onTrouble(`Upload failed: ${String(error)}`);
     return this.#retry(0, true);
   }
 

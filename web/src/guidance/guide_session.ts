@@ -124,15 +124,15 @@ export class GuideSession {
   /** End the scan: the targets are put around where the camera is now. @returns A problem, or null. */
   place(camera: Camera | null): string | null {
     const { zMin_m, bound } = this.#state;
-    if (camera === null) return 'Tracking is lost; place the targets when it is back.';
-    if (zMin_m === null || bound === null) return 'Look around first, until the depth is known.';
+    if (camera === null) return 'Tracking is lost. Place the targets when it is back.';
+    if (zMin_m === null || bound === null) return 'Look around first, until a depth is shown.';
     const placement = {
       worldFromAnchor: rigid<World, Cam>(camera.worldFromCam.rows), zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
     };
     const guide = this.#guideOf(placement);
     if (guide.targets.length > MAX_GUIDED_TARGETS) {
-      return `The nearest thing is ${zMin_m.toFixed(2)} m away, which asks for `
-        + `${guide.targets.length} views. Scan again from farther off, or choose a smaller area.`;
+      return `The nearest object is ${zMin_m.toFixed(2)} m away, so ${guide.targets.length} views `
+        + 'would be needed. Scan again from farther away, or choose a smaller area.';
     }
     this.#placement = placement;
     this.#guide = guide;

@@ -60,8 +60,9 @@ interface Request {
   readonly signal?: AbortSignal | undefined;
 }
 
-const NO_ANSWER = 'The server does not answer. Is it running, and is this device in its network?';
-const NOT_OURS = 'Something that is not the peaking server answered (a Wi-Fi login page?).';
+const NO_ANSWER = 'The server does not answer. Check that it is running and that this device is in the '
+  + 'same network.';
+const NOT_OURS = 'Something other than the peaking server answered (perhaps a Wi-Fi login page).';
 
 export class Api {
   readonly #fetch: typeof fetch;
@@ -351,11 +352,11 @@ function detailIn(text: string): string | null {
 
 function sentenceOf(status: number): string {
   switch (status) {
-    case 401: return 'This browser is not paired with the server: open the link, or scan the QR '
-      + 'code, that the server shows.';
-    case 404: return 'The server does not have this.';
-    case 413: return 'The photo is larger than the server takes.';
+    case 401: return 'This browser is not paired with the server. Open the link or scan the QR '
+      + 'code that the server shows.';
+    case 404: return 'The server does not have this page or file.';
+    case 413: return 'The photo is too large for the server.';
     case 507: return "The server's disk is full.";
-    default: return `The server answered with status ${status} and said no more.`;
+    default: return `The server answered with status ${status}, without an explanation.`;
   }
 }

@@ -11,7 +11,7 @@ import {
 
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
-const COLD = 'The server compiles its kernels (once, half a minute): let nobody capture before.';
+const COLD = 'The server is warming up (about 30 s, first run only). Do not start a capture yet.';
 
 const api = new Api();
 let state: ConsoleState | null = null;
@@ -33,7 +33,7 @@ async function main(): Promise<void> {
       document.body.dataset['connection'] = connection;
       if (refusal === null) return;
       elementOf('detail').replaceChildren(make('p', {}, refusal.status === 401
-        ? 'This browser may not use the console: open the link that the server printed.'
+        ? 'This browser has no access to the console. Open the link that the server printed.'
         : refusal.problem));
     },
   }, new AbortController().signal);
@@ -84,11 +84,11 @@ function drawList(from: ConsoleState): void {
     return item;
   });
   elementOf('list').replaceChildren(add,
-    make('p', { className: 'quiet' }, `${done} of ${from.planned} planned are done`), ...items);
+    make('p', { className: 'quiet' }, `${done} of ${from.planned} planned participants done`), ...items);
 }
 
 function oneLine(one: ParticipantLine): string {
-  if (one.excluded !== null) return `left out: ${one.excluded}`;
+  if (one.excluded !== null) return `excluded: ${one.excluded}`;
   if (one.state === 'done') return 'done';
   const step = one.steps.find((each) => each.key === one.current);
   return step === undefined ? '' : `${step.label}${step.state === 'running' ? '' : ', waiting'}`;
@@ -97,9 +97,9 @@ function oneLine(one: ParticipantLine): string {
 function drawDetail(from: ConsoleState): void {
   const one = chosen(from);
   if (one === null) {
-    elementOf('detail').replaceChildren(make('h1', {}, 'Nobody yet'), make('p', {},
-      'Add a participant: the program gives a pseudonym and the next order of the design. Write '
-      + 'nobody\'s name anywhere.'));
+    elementOf('detail').replaceChildren(make('h1', {}, 'No participants yet'), make('p', {},
+      'Add a participant. The program assigns a pseudonym and the next order of the design. Do '
+      + 'not write names anywhere.'));
     return;
   }
   // What is being typed or chosen must outlive the news of the next second.
@@ -127,11 +127,11 @@ function badge(one: ParticipantLine): HTMLElement {
 function now(one: ParticipantLine): HTMLElement {
   const step = one.steps.find((each) => each.key === one.current);
   if (one.excluded !== null) {
-    return make('div', { className: 'now' }, make('h2', {}, 'Left out'), make('p', {}, one.excluded));
+    return make('div', { className: 'now' }, make('h2', {}, 'Excluded'), make('p', {}, one.excluded));
   }
   if (step === undefined) {
     return make('div', { className: 'now running' }, make('h2', {}, 'Done'),
-      make('p', {}, 'Everything is on the disk. Take the phone back.'));
+      make('p', {}, 'All data is saved. Take the phone back.'));
   }
   const place = make('p', { className: 'quiet' }, placeOf(step, one));
   const clock = make('output', { className: 'clock' });
@@ -189,9 +189,9 @@ function phoneCard(from: ConsoleState, one: ParticipantLine, open: boolean): HTM
 function stepsOf(one: ParticipantLine): HTMLElement[] {
   return one.steps.map((step) => {
     const again = make('button', { type: 'button', className: 'small', id: `again-${step.key}` }, 'Repeat');
-    again.title = `Do this and what came after it once more`;
+    again.title = 'Repeat this step and all later ones';
     again.onclick = () => {
-      const text = prompt(`Repeat "${step.label}" and what came after it. Why? It is recorded.`)?.trim();
+      const text = prompt(`Repeat "${step.label}" and all later steps. Why? The reason is recorded.`)?.trim();
       if (text !== undefined && text !== '') {
         void order('POST', `${stepPath(one, step)}/repetitions`, { text }, again);
       }
@@ -208,16 +208,16 @@ function stepsOf(one: ParticipantLine): HTMLElement[] {
 
 function noteForm(one: ParticipantLine, typed: string): HTMLElement {
   const note = make('textarea', { id: 'note', rows: 2, value: typed });
-  const keep = make('button', { type: 'button', id: 'keep' }, 'Keep note');
+  const keep = make('button', { type: 'button', id: 'keep' }, 'Save note');
   keep.onclick = () => {
     const text = note.value.trim();
     if (text === '') return;
     note.value = '';
     void order('POST', `${pathOf(one)}/notes`, { text }, keep);
   };
-  const out = make('button', { type: 'button', className: 'small' }, 'Leave out of the study');
+  const out = make('button', { type: 'button', className: 'small' }, 'Exclude from the study');
   out.onclick = () => {
-    const text = prompt(`Leave ${one.participant} out of the analysis. Why? It is recorded.`)?.trim();
+    const text = prompt(`Exclude ${one.participant} from the analysis. Why? The reason is recorded.`)?.trim();
     if (text !== undefined && text !== '') {
       void order('PUT', `${pathOf(one)}/excluded`, { text }, out);
     }

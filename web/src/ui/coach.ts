@@ -8,10 +8,10 @@ export interface CoachMoment {
 }
 
 export const STEPS = [
-  { title: 'Take a first view', text: 'Press the round button. Hold still for that.' },
-  { title: 'Now move', text: 'Walk a step aside. What this view cannot show turns red.' },
-  { title: 'Press where it is red', text: 'Another view from here teaches the model what is missing.' },
-  { title: 'The red goes', text: 'Go on until nothing is red from wherever you look, then finish.' },
+  { title: 'Take a first view', text: 'Hold still and press the round button.' },
+  { title: 'Now move', text: 'Take a step sideways. What your view does not show turns red.' },
+  { title: 'Capture where it is red', text: 'Another view from here adds what is missing.' },
+  { title: 'The red disappears', text: 'Keep going until no red remains, then press Finish.' },
 ] as const;
 
 /** Peaked share at which a beginner notices the red. */

@@ -349,7 +349,7 @@ test('a full phone: the photo is in memory, it is said, and it is sent', async (
   });
   const id = await session.shutter(photo(1));
   expect(put).toHaveBeenCalled();
-  expect(session.snapshot.storageProblem).toMatch(/storage is full.*keep this page open/);
+  expect(session.snapshot.storageProblem).toMatch(/storage is full.*Keep this page open/);
   expect(await session.photo(id)).not.toBeNull();
   server.start();
   put.mockRestore();

@@ -86,13 +86,13 @@ test('an upload is acknowledged only by an answer to it', async () => {
   expect(await api.uploadCapture('s', 'c', new Blob(['x']))).toMatchObject({ number: 1 });
   expect(asked[0]?.init.method).toBe('PUT');
   const [wrong] = apiThat(() => json({ ...stored, id: 'another' }));
-  await expect(wrong.uploadCapture('s', 'c', new Blob(['x']))).rejects.toThrow('not the peaking server');
+  await expect(wrong.uploadCapture('s', 'c', new Blob(['x']))).rejects.toThrow('other than the peaking server');
 });
 
 test('what a login page says is not taken for the server', async () => {
   const html = { headers: { 'Content-Type': 'text/html' } };
   const [portal] = apiThat(() => new Response('<p>Welcome</p>', html));
-  await expect(portal.sessions()).rejects.toThrow('not the peaking server');
+  await expect(portal.sessions()).rejects.toThrow('other than the peaking server');
 });
 
 test('a field that is not what it should be is named', async () => {

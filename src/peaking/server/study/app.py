@@ -316,7 +316,7 @@ def _refusals() -> dict[Any, Any]:
                 sentence = f"The server could not write to its disk ({error.strerror}). Try again."
                 return problem(507, sentence, kind="disk-full")
             case _:
-                return problem(500, "Something went wrong on the server; its log says what.")
+                return problem(500, "Something went wrong on the server. Its log has the details.")
 
     return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
 

@@ -32,7 +32,7 @@ class Incomplete(PeakingError):
 
     def __init__(self, items: dict[str, str]) -> None:
         """Keep what is wrong."""
-        super().__init__("Some answers are missing or not possible.")
+        super().__init__("Some answers are missing or not valid.")
         self.items = items
 
 
@@ -126,7 +126,7 @@ class OpenParticipant:
             if self.is_done(step):
                 return
             if self._expect(step) != "running":
-                raise NotNow("This part has not begun yet.")
+                raise NotNow("This part has not started yet.")
             if self._step(step).kind == "consent":
                 raise NotNow("The participant answers this on the phone.")
             self._append(records.StepFinished(self._clock(), step=step, by=by))
@@ -311,13 +311,13 @@ class OpenParticipant:
         self._step(key)
         now = self.current
         if now is None or now[0].key != key:
-            raise NotNow("It is another part's turn: this page was out of date.")
+            raise NotNow("Another part is due now: this page was out of date.")
         return now[1]
 
     def _form(self, key: str) -> wire.Questionnaire:
         name = self._step(key).questionnaire
         if name is None:
-            raise NotNow("There is nothing to fill in here.")
+            raise NotNow("This part has no form.")
         return self.protocol.questionnaire(name)
 
 
