@@ -3,7 +3,7 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
-import { Coach, STEPS, type CoachMoment } from './coach';
+import { Coach, TASKS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
@@ -51,7 +51,7 @@ export class Hud {
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
   readonly #coachTitle = make('b');
   readonly #coachText = make('span');
-  readonly #coachSteps = make('ol', {}, ...STEPS.map(() => make('li')));
+  readonly #coachTasks = make('ol', {}, ...TASKS.map(() => make('li')));
   readonly #coachBox: HTMLElement;
   readonly #looks = new Map<Overlay, HTMLButtonElement>();
   readonly #strip = make('div', { className: 'strip' });
@@ -86,9 +86,9 @@ export class Hud {
       button('', '?', 'Show the introduction again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
-      this.#coachSteps, button('', '✕', 'Hide the introduction', () => this.#endCoach()));
+      this.#coachTasks, button('', '✕', 'Hide the introduction', () => this.#endCoach()));
     // Without help everybody sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.step = STEPS.length;
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = TASKS.length;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -176,19 +176,19 @@ export class Hud {
   }
 
   #showCoach(state: HudState): void {
-    const before = this.#coach.step;
+    const before = this.#coach.task;
     this.#moment.peakedShare = state.peakedShare;
     this.#coach.update(this.#moment);
-    if (this.#coach.done && before < STEPS.length) this.#endCoach();
-    const step = STEPS[this.#coach.step];
-    show(this.#coachBox, step !== undefined && this.#sheet === null);
-    if (step === undefined) return;
-    say(this.#coachTitle, step.title);
-    say(this.#coachText, step.text);
-    if (before === this.#coach.step && this.#coachSteps.dataset['step'] === String(before)) return;
-    this.#coachSteps.dataset['step'] = String(this.#coach.step);
-    Array.from(this.#coachSteps.children).forEach((each, i) =>
-      each.classList.toggle('done', i <= this.#coach.step));
+    if (this.#coach.done && before < TASKS.length) this.#endCoach();
+    const task = TASKS[this.#coach.task];
+    show(this.#coachBox, task !== undefined && this.#sheet === null);
+    if (task === undefined) return;
+    say(this.#coachTitle, task.title);
+    say(this.#coachText, task.text);
+    if (before === this.#coach.task && this.#coachTasks.dataset['task'] === String(before)) return;
+    this.#coachTasks.dataset['task'] = String(this.#coach.task);
+    Array.from(this.#coachTasks.children).forEach((each, i) =>
+      each.classList.toggle('done', i <= this.#coach.task));
   }
 
   #restartCoach(): void {
@@ -196,7 +196,7 @@ export class Hud {
   }
 
   #endCoach(): void {
-    this.#coach.step = STEPS.length;
+    this.#coach.task = TASKS.length;
     store(COACH_SEEN, 'yes');
   }
 
