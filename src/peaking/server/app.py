@@ -85,11 +85,11 @@ class ServerConfig:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, store: SessionStore, config: ServerConfig) -> None:
+    def __init__(self, store: SessionStore, config: ServerConfig, hub: Hub) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
         self.config = config
-        self.hub = Hub()
+        self.hub = hub
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             for capture_id in session.unfinished(config.options.generator):
@@ -326,9 +326,15 @@ class _Handlers:
         return b"".join(parts)
 
 
-def create_app(*, store: SessionStore, config: ServerConfig) -> Starlette:
-    """Return the application; a test can hold ten of them."""
-    server = _Handlers(store, config)
+def create_app(*, store: SessionStore, config: ServerConfig, hub: Hub | None = None) -> Starlette:
+    """Return the application; a test can hold ten of them.
+
+    Args:
+        store: The sessions.
+        config: What is served, and to whom.
+        hub: Ends all streams of events when it is closed; one of its own by default.
+    """
+    server = _Handlers(store, config, hub or Hub())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:

@@ -17,8 +17,8 @@ const EVERY_MS = 300;
 const MIN_SAID_M = 0.005;
 
 const ASKS: Readonly<Record<GuideKind, (state: GuideState) => string>> = {
-  plenoptic: ({ bound }) => (bound === null ? '' : `${viewsText(bound.numViews)} needed: `
-    + `${bound.viewsPerSide} × ${bound.viewsPerSide}, ${cm(bound.pitch_m)} apart`),
+  plenoptic: ({ bound }) => (bound === null ? '' : `At least ${viewsText(bound.numViews)} needed: `
+    + `a grid of ${bound.viewsPerSide} × ${bound.viewsPerSide}, ${cm(bound.pitch_m)} apart`),
   planes: ({ bound }) => (bound === null ? '' : `Planes needed: `
     + `${bound.viewsPerSide} × ${bound.viewsPerSide} views each, ${cm(bound.pitch_m)} apart`),
   hemisphere: () => 'The targets surround the point that you look at when you place them',
