@@ -42,9 +42,10 @@ export const flag: Schema<boolean> = (value, path) =>
 export const nothing: Schema<null> = (value, path) =>
   (value === null ? value : fail(path, 'null', value));
 
+/** A finite one: JSON has no other, but 1e999. */
 export function number(min = -Infinity, max = Infinity): Schema<number> {
-  return (value, path) => (typeof value === 'number' && value >= min && value <= max
-    ? value : fail(path, `a number${rangeOf(min, max)}`, value));
+  return (value, path) => (Number.isFinite(value) && Number(value) >= min && Number(value) <= max
+    ? Number(value) : fail(path, `a number${rangeOf(min, max)}`, value));
 }
 
 export function integer(min = -Infinity, max = Infinity): Schema<number> {

@@ -42,7 +42,7 @@ describe('by hand', () => {
   test('numbers, words, and one of several', () => {
     expect(problemOf(number(0, 1), 1.1)).toBe('need a number from 0 to 1, got 1.1');
     expect(problemOf(number(0), -1)).toContain('of at least 0');
-    expect(problemOf(number(), NaN)).not.toBe('');
+    for (const value of [NaN, Infinity, '1', null]) expect(problemOf(number(), value)).not.toBe('');
     expect(problemOf(oneOf('a', 'b'), 'c')).toBe('need one of a, b, got "c"');
     expect(problemOf(flag, 1)).not.toBe('');
     const either = nullable(union(number(), list(text)));

@@ -3,8 +3,9 @@ import 'fake-indexeddb/auto';
 import { IDBObjectStore } from 'fake-indexeddb';
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 
-import { CaptureDb } from '../../src/capture/capture_db';
+import { CaptureDb, type StoredSession } from '../../src/capture/capture_db';
 import type { CaptureSession } from '../../src/capture/capture_session';
+import { PROTOCOL } from '../../src/wire';
 import { ModelServer, problem } from './model_server';
 import { ModelBrowser, ModelClock, photo, settle } from './support';
 
@@ -402,4 +403,15 @@ test('snapshots do not change, and every change is told', async () => {
   stop();
   await session.shutter(photo(2));
   expect(seen.length).toBe(heard);
+});
+
+test('a session that an earlier version of this page kept is begun in the words of today', async () => {
+  const db = await CaptureDb.open(browser.name);
+  const request = { id: 'kept-long-ago', protocol: 1, name: 'old', source: 'virtual', device: 'x' };
+  await db.putSession({ id: request.id, request, begun: false, pending: null } as StoredSession);
+  db.close();
+  const session = await browser.open({ sessionId: request.id });
+  await clock.until(() => session.snapshot.connection === 'online');
+  expect(server.sessions.get(request.id)?.request)
+    .toEqual({ protocol: PROTOCOL, name: 'old', source: 'virtual', device: 'x' });
 });
