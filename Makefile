@@ -1,5 +1,6 @@
 # All that people and CI call. `make demo` and `make test` do their own set-up.
-.PHONY: help install torch client wire check fix test bench quality demo replay clean
+.PHONY: help install torch client wire test check style types web-test api-test docs \
+  release-check fix bench quality demo replay clean
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3.11
@@ -7,12 +8,15 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 TORCH := .venv/.torch
 CLIENT := src/peaking/server/client/index.html
+CORES := $(shell nproc)
 # Schemathesis gives the tests of all addresses one id, and of those pytest-xdist would run one.
 SHARED_IDS := tests/server/test_openapi.py
+# Modules that import PyTorch can be checked only where it is: in `make test`.
+NEED_TORCH := ^\s*(import|from) (torch|transformers)\b
 CLIENT_SOURCES := $(wildcard web/*.html web/*.json web/*.ts) $(shell find web/src -type f)
 
 help:  ## Show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 install: $(INSTALLED) $(CLIENT)  ## Make .venv with peaking on its path, and what the commands need
 	@scripts/install_system_packages
@@ -44,21 +48,42 @@ replay: install  ## Replay the sample scene; ends with the path of a report
 	@rm -rf out/replay
 	@$(BIN)/peaking replay scenes/desk --out out/replay
 
-test: install check  ## Pass all checks and tests, those in a real browser too
+test: install torch  ## Pass all checks and tests, those in a real browser too
 	@scripts/install_browser
-	@scripts/with_node npm --prefix web run --silent test
-	@$(BIN)/pytest -n 2 --dist loadfile --ignore $(SHARED_IDS)
-	@$(BIN)/pytest $(SHARED_IDS)
+	@$(MAKE) --no-print-directory --jobs $(CORES) --output-sync=recurse style types web-test api-test \
+	  docs release-check
+	@$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --ignore $(SHARED_IDS)
 
-check: install torch  ## Check style and types
+check: style  ## Check style and types, without PyTorch
+	@grep -rLE --include='*.py' '$(NEED_TORCH)' src tests examples | xargs $(BIN)/pyright
+
+# What make test does side by side before the tests of Python, which take all cores themselves.
+
+style: install
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
-	@$(BIN)/pyright
 	@scripts/with_node npm --prefix web run --silent check
+
+types: install torch
+	@$(BIN)/pyright
+
+web-test: install
+	@scripts/with_node npm --prefix web run --silent test
+
+api-test: install
+	@$(BIN)/pytest $(SHARED_IDS)
 
 fix: install  ## Mend style where it can be done by itself
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
+
+docs: install  ## Write the library's pages, from its docstrings, into out/docs
+	@$(BIN)/python -W error -m pdoc --docformat google --no-show-source --output-directory out/docs \
+	  peaking '!peaking.'
+	@echo "docs: out/docs/peaking.html"
+
+release-check: install  ## Build the release, install it without Node.js, and try it
+	@$(BIN)/python scripts/check_release.py
 
 bench: install  ## Time the stages (peers need PyTorch: make torch)
 	@$(BIN)/peaking bench

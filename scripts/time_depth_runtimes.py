@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--model", type=Path)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        os.environ["PEAKING_WEIGHTS"] = scratch
+        os.environ["PEAKING_CHECKPOINTS"] = scratch
         model = arguments.model or drawn_small(Path(scratch) / "small")
         ways = {LAYOUT: in_default_layout(model)}
         ways |= {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from peaking.generate.adampi.network import random_network
+from peaking.generators.adampi.network import random_network
 
 
 def write_checkpoint(path: Path, *, num_planes: int = 4, seed: int = 1) -> Path:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import cv2
 import numpy as np
 import pytest
 
-from peaking.cli import main
-from peaking.datasets.nerfstudio import open_recording
+import peaking
+from peaking.cli import COMMANDS, main
+from peaking.datasets import open_recording
 from peaking.mpi_file import read_mpi
 from recordings import write_recording
 
@@ -56,6 +59,45 @@ def test_help_shows_the_commands_with_examples(capsys: pytest.CaptureFixture[str
         with pytest.raises(SystemExit):
             main([command, "--help"])
         assert f"peaking {command}" in capsys.readouterr().out
+
+
+def test_help_lists_every_command_with_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    listed = capsys.readouterr().out.partition("subcommands")[2]
+    for name in COMMANDS:
+        assert f"• {name} " in listed
+    assert "Examples" not in listed
+
+
+def test_commands_of_two_words_say_so_in_their_help(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bench live", "bench generators"):
+        with pytest.raises(SystemExit) as ended:
+            main([*name.split(), "--help"])
+        assert ended.value.code == 0
+        assert f"usage: peaking {name} " in capsys.readouterr().out
+
+
+def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--version"])
+    assert capsys.readouterr().out == f"peaking {peaking.__version__}\n"
+
+
+def test_what_measures_can_write_json() -> None:
+    for name in ("quality", "bench", "bench live", "bench generators", "plan", "splat"):
+        command: Any = COMMANDS[name]
+        assert "json" in {field.name for field in dataclasses.fields(command)}
+
+
+def test_a_value_error_that_is_no_wrong_argument_is_not_hidden(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(*_: object) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr(COMMANDS["plan"], "run", broken)
+    with pytest.raises(ValueError, match="broadcast"):
+        main(["plan"])
 
 
 def test_replay_writes_all_it_promises(
@@ -118,7 +160,7 @@ def test_max_frames_presets_and_overlays(room: Path, tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert summary["frames"] == 3
     assert summary["preset"] == "paper"
-    assert summary["options"]["weights"] == "paper"
+    assert summary["options"]["blend_weights"] == "paper"
     assert summary["options"]["overlay"] == "video"
 
 
@@ -235,6 +277,16 @@ def test_all_unknown_depth_says_so(
         (["render", "{room}/transforms.json", "--out", "{out}"], "transforms.json"),
         (["render", "{room}/nothing.mpi", "--out", "{out}"], "nothing.mpi"),
         (["quality", "{room}/nowhere"], "nowhere"),
+        (["quality", "{room}", "--pairs", "0"], "--pairs"),
+        (["generate", "{room}", "--out", "{out}", "--quality", "0"], "--quality"),
+        (["bench", "{room}", "--rounds", "0"], "--rounds"),
+        (["bench", "live", "{room}", "--captures", "0"], "--captures"),
+        (["bench", "generators", "--rounds", "0"], "--rounds"),
+        (["demo", "--host", "0.0.0.0"], "loopback"),
+        (["demo", "--host", "kitchen"], "kitchen"),
+        (["demo", "--port", "99999"], "--port"),
+        (["serve", "{out}", "--token", "short"], "--token"),
+        (["serve", "{out}", "--port", "-1"], "--port"),
     ],
 )
 def test_bad_arguments_get_one_line(
@@ -268,7 +320,7 @@ def test_plan_is_the_papers_by_default(tmp_path: Path, capsys: pytest.CaptureFix
     main(["plan", "--plot", str(plot)])
     said = capsys.readouterr().out
     assert "N = 10.58: 11 views, at most 46.1 mm apart; as a square grid 4 × 4 = 16" in said
-    assert "what limits       MPI pixel" in said
+    assert "limited by        MPI pixel" in said
     drawing = ElementTree.fromstring(plot.read_text())
     assert "N = 10.6, 46.1 mm apart" in "".join(drawing.itertext())
 
@@ -299,16 +351,30 @@ def test_plan_as_png_without_the_extra_says_what_to_install(
     assert not plot.exists()
 
 
-def test_plan_says_what_limits(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["plan", "--eye", "2"])
-    assert "what limits       eye" in capsys.readouterr().out
-    main(["plan", "--speed", "0.1"])
-    assert "what limits       motion" in capsys.readouterr().out
+def test_plan_says_what_limits_the_detail(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["plan", "--eye-m", "2"])
+    assert "limited by        eye" in capsys.readouterr().out
+    main(["plan", "--speed-m-per-s", "0.1"])
+    assert "limited by        motion" in capsys.readouterr().out
+
+
+def test_plan_writes_what_it_prints_as_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "new/plan.json"
+    main(["plan", "--eye-m", "2", "--json", str(path)])
+    written = json.loads(path.read_text())
+    assert written["version"] == peaking.__version__
+    assert written["arguments"]["eye_m"] == 2
+    assert written["limited_by"] == "eye"
+    views = written["visible_detail"]["num_views"]
+    assert f"{views} views" in capsys.readouterr().out
+    assert {limit["factor"] for limit in written["limits"]} == {"mpi", "eye", "display"}
 
 
 def test_plan_refuses_what_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "z_min_m" in fails(["plan", "--zmin", "0"], capsys)
-    assert "eye_m" in fails(["plan", "--eye", "nan"], capsys)
+    assert "z_min_m" in fails(["plan", "--z-min-m", "0"], capsys)
+    assert "eye_m" in fails(["plan", "--eye-m", "nan"], capsys)
     plot = tmp_path / "plan.pdf"
     assert ".svg or .png" in fails(["plan", "--plot", str(plot)], capsys)
     assert not plot.exists()

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from peaking.error_map import Comparison, compare, exposure_gain
+from peaking.error_map import ErrorMap, compare, exposure_gain
 from peaking.overlay import ERROR_RGB, draw, mpi_over_black, peaks_on_mpi, peaks_on_video
-from peaking.render import Backend, Rendering
+from peaking.rendering import Backend, Rendering
 
 AGREEMENT = 2e-6
 """float32 against float64, errors up to 3; worst measured 4.8e-7 over 800 random cases,
@@ -20,6 +20,10 @@ def rendering(rgba: np.ndarray) -> Rendering:
     return Rendering(rgba.astype(np.float32), np.ones(rgba.shape[:2], np.float32))
 
 
+def compare_as_paper(view: Rendering, live: np.ndarray, backend: Backend = "numba") -> ErrorMap:
+    return compare(view, live, shift_px=0, compensate_exposure=False, backend=backend)
+
+
 def one_pixel(r: float, g: float, b: float, alpha: float) -> Rendering:
     return rendering(np.array([[[r, g, b, alpha]]]))
 
@@ -27,7 +31,7 @@ def one_pixel(r: float, g: float, b: float, alpha: float) -> Rendering:
 @both
 def test_l1_over_rgb_by_hand(backend: Backend) -> None:
     live = np.array([[[51, 102, 153]]], np.uint8)  # 0.2, 0.4, 0.6
-    errors = compare(one_pixel(0.3, 0.4, 0.9, 1.0), live, backend=backend)
+    errors = compare_as_paper(one_pixel(0.3, 0.4, 0.9, 1.0), live, backend)
     assert errors.error[0, 0] == pytest.approx(0.1 + 0.0 + 0.3, abs=1e-6)
     assert not errors.missing[0, 0]
 
@@ -36,7 +40,7 @@ def test_l1_over_rgb_by_hand(backend: Backend) -> None:
 @pytest.mark.parametrize(("blue", "peaked"), [(0.39, False), (0.41, True)])
 def test_the_papers_threshold(backend: Backend, blue: float, peaked: bool) -> None:
     live = np.zeros((1, 1, 3), np.uint8)
-    errors = compare(one_pixel(0, 0, blue, 1.0), live, backend=backend)
+    errors = compare_as_paper(one_pixel(0, 0, blue, 1.0), live, backend)
     assert bool(errors.peaked[0, 0]) is peaked
     assert errors.peaked_share == float(peaked)
 
@@ -44,7 +48,7 @@ def test_the_papers_threshold(backend: Backend, blue: float, peaked: bool) -> No
 @both
 def test_half_transparent_pixels_are_compared_in_their_own_colour(backend: Backend) -> None:
     live = np.array([[[255, 0, 0]]], np.uint8)
-    errors = compare(one_pixel(0.6, 0, 0, 0.6), live, backend=backend)
+    errors = compare_as_paper(one_pixel(0.6, 0, 0, 0.6), live, backend)
     assert errors.error[0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
@@ -52,7 +56,7 @@ def test_half_transparent_pixels_are_compared_in_their_own_colour(backend: Backe
 def test_what_was_never_seen_is_black_and_missing(backend: Backend) -> None:
     live = np.full((1, 2, 3), 128, np.uint8)
     rgba = np.array([[[0, 0, 0, 0], [0.502, 0.502, 0.502, 1]]])
-    errors = compare(rendering(rgba), live, backend=backend)
+    errors = compare_as_paper(rendering(rgba), live, backend)
     np.testing.assert_array_equal(errors.peaked, [[True, False]])
     np.testing.assert_array_equal(errors.missing, [[True, False]])
     assert errors.error[0, 0] == pytest.approx(3 * 128 / 255, abs=1e-6)
@@ -66,12 +70,17 @@ def test_a_shift_of_one_pixel_is_forgiven_and_of_two_is_not(backend: Backend) ->
     rgba[:, 4, :3] = 1
     live = np.zeros((5, 9, 3), np.uint8)
     live[:, 3] = 255
-    tolerant, strict = Comparison(shift_px=1), Comparison()
-    assert compare(rendering(rgba), live, strict, backend=backend).peaked.sum() == 10
+
+    def tolerant() -> ErrorMap:
+        return compare(
+            rendering(rgba), live, shift_px=1, compensate_exposure=False, backend=backend
+        )
+
+    assert compare_as_paper(rendering(rgba), live, backend).peaked.sum() == 10
     # The white line is found one pixel aside, and black is found beside the rendered line.
-    assert compare(rendering(rgba), live, tolerant, backend=backend).peaked.sum() == 0
+    assert tolerant().peaked.sum() == 0
     live = np.roll(live, -1, axis=1)
-    assert compare(rendering(rgba), live, tolerant, backend=backend).peaked.sum() == 5
+    assert tolerant().peaked.sum() == 5
 
 
 @both
@@ -80,8 +89,8 @@ def test_exposure_is_compensated(backend: Backend) -> None:
     rgb = rng.uniform(0.2, 0.6, (60, 60, 3))
     rgba = np.concatenate([rgb, np.ones((60, 60, 1))], -1)
     live = (rgb * [1.5, 1.4, 1.3] * 255).astype(np.uint8)
-    plain = compare(rendering(rgba), live, Comparison(), backend=backend)
-    evened = compare(rendering(rgba), live, Comparison(compensate_exposure=True), backend=backend)
+    plain = compare_as_paper(rendering(rgba), live, backend)
+    evened = compare(rendering(rgba), live, shift_px=0, compensate_exposure=True, backend=backend)
     assert plain.peaked_share > 0.5
     assert evened.peaked_share == 0.0
     np.testing.assert_allclose(exposure_gain(rendering(rgba), live), [1.5, 1.4, 1.3], rtol=0.01)
@@ -106,9 +115,16 @@ def test_the_fast_path_agrees(
     alpha = rng.choice([0, 0.4, 1.0], (height, width, 1))
     rgba = np.concatenate([rng.uniform(0, 1, (height, width, 3)) * alpha, alpha], -1)
     live = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
-    how = Comparison(shift_px=shift_px, compensate_exposure=compensate)
-    reference = compare(rendering(rgba), live, how, backend="numpy")
-    fast = compare(rendering(rgba), live, how)
+    reference, fast = (
+        compare(
+            rendering(rgba),
+            live,
+            shift_px=shift_px,
+            compensate_exposure=compensate,
+            backend=backend,
+        )
+        for backend in ("numpy", "numba")
+    )
     np.testing.assert_allclose(fast.error, reference.error, atol=AGREEMENT)
     np.testing.assert_array_equal(fast.missing, reference.missing)
     clear = np.abs(reference.error - 0.4) > AGREEMENT
@@ -118,7 +134,7 @@ def test_the_fast_path_agrees(
 @pytest.mark.parametrize("bad", [{"threshold": 0.0}, {"threshold": 3.0}, {"shift_px": 2}])
 def test_impossible_comparisons_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="need"):
-        Comparison(**bad)  # type: ignore[arg-type]
+        compare(one_pixel(0, 0, 0, 1), np.zeros((1, 1, 3), np.uint8), **bad)  # type: ignore[arg-type]
 
 
 def test_another_size_is_refused() -> None:
@@ -130,13 +146,13 @@ def test_the_three_pictures() -> None:
     live = np.array([[[10, 20, 30], [255, 255, 255], [40, 50, 60]]], np.uint8)
     rgba = np.array([[[10 / 255, 20 / 255, 30 / 255, 1], [0, 0, 0, 0], [0.1, 0.1, 0.1, 0.5]]])
     view = rendering(rgba)
-    errors = compare(view, live)
+    errors = compare_as_paper(view, live)
     np.testing.assert_array_equal(mpi_over_black(view), [[[10, 20, 30], [0, 0, 0], [26, 26, 26]]])
     on_video = peaks_on_video(errors, live)
     np.testing.assert_array_equal(on_video, [[[10, 20, 30], ERROR_RGB, [40, 50, 60]]])
     on_mpi = peaks_on_mpi(errors, view)
     np.testing.assert_array_equal(on_mpi, [[[10, 20, 30], ERROR_RGB, [26, 26, 26]]])
     for name, picture in {"mpi": mpi_over_black(view), "video": on_video, "peaks": on_mpi}.items():
-        drawn = draw(name, view=view, errors=errors, live=live)  # type: ignore[arg-type]
+        drawn = draw(name, rendering=view, errors=errors, live=live)  # type: ignore[arg-type]
         np.testing.assert_array_equal(drawn, picture)
     np.testing.assert_array_equal(live[0, 1], 255)

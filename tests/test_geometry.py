@@ -62,7 +62,7 @@ def test_what_is_no_pose_is_refused(matrix: np.ndarray, says: str) -> None:
 
 def test_principal_ray_and_pixel_centres() -> None:
     camera = Camera(PINHOLE, Rigid.identity())
-    pixels, depth_m = camera.px_from_world(np.array([[0.0, 0.0, 2.0], [0.2, -0.1, 2.0]]))
+    pixels, depth_m = camera.project(np.array([[0.0, 0.0, 2.0], [0.2, -0.1, 2.0]]))
     np.testing.assert_allclose(pixels, [[320, 240], [370, 214.5]])
     np.testing.assert_allclose(depth_m, [2, 2])
     np.testing.assert_allclose(PINHOLE.pixel_centers()[0, 0], [0.5, 0.5])
@@ -70,7 +70,7 @@ def test_principal_ray_and_pixel_centres() -> None:
 
 
 def test_points_behind_have_no_pixel() -> None:
-    pixels, depth_m = Camera(PINHOLE, Rigid.identity()).px_from_world(np.array([[0.0, 0.0, -1.0]]))
+    pixels, depth_m = Camera(PINHOLE, Rigid.identity()).project(np.array([[0.0, 0.0, -1.0]]))
     assert np.isnan(pixels).all()
     assert depth_m[0] == -1
 

@@ -14,12 +14,13 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking.datasets.nerfstudio import Recording, open_recording
+from peaking.datasets import Recording, open_recording
 from peaking.depth import complete
+from peaking.light_field import Comparison
+from peaking.options import DEFAULT, PAPER, Options
 from peaking.output import encode_png
 from peaking.overlay import mpi_over_black, peaks_on_mpi, peaks_on_video
-from peaking.pipeline import LocalLightField, Seen
-from peaking.presets import DEFAULT, PAPER, Options
+from peaking.pipeline import Reconstruction
 
 ROOT = Path(__file__).parent
 MEAN_STEPS = 0.25
@@ -31,29 +32,29 @@ FAR_PIXELS = 0.002
 way)."""
 
 
-def seen_from_two_views(recording: Recording, options: Options) -> tuple[Seen, np.ndarray]:
+def seen_from_two_views(recording: Recording, options: Options) -> tuple[Comparison, np.ndarray]:
     """Capture frames 0 and 12, look from frame 6."""
-    scene = LocalLightField(options)
+    scene = Reconstruction(options)
     for index in (0, 12):
         scene.add_view(recording.read(index))
     live = scene.prepare(recording.read(6))
-    return scene.see(live.rgb, live.camera), live.rgb
+    return scene.compare(live.rgb, live.camera), live.rgb
 
 
 def mpi_of_default(recording: Recording) -> np.ndarray:
     """Guards the warp, the blend and the fill behind edges."""
-    return mpi_over_black(seen_from_two_views(recording, DEFAULT)[0].view)
+    return mpi_over_black(seen_from_two_views(recording, DEFAULT)[0].rendering)
 
 
 def mpi_of_paper(recording: Recording) -> np.ndarray:
     """Guards the paper's weights and its dim borders."""
-    return mpi_over_black(seen_from_two_views(recording, PAPER)[0].view)
+    return mpi_over_black(seen_from_two_views(recording, PAPER)[0].rendering)
 
 
 def peaks_of_default(recording: Recording) -> np.ndarray:
     """Guards what is red by default."""
     seen, _ = seen_from_two_views(recording, DEFAULT)
-    return peaks_on_mpi(seen.errors, seen.view)
+    return peaks_on_mpi(seen.errors, seen.rendering)
 
 
 def peaks_of_paper_on_video(recording: Recording) -> np.ndarray:

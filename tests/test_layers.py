@@ -14,33 +14,39 @@ import peaking
 ROOT = Path(peaking.__file__).parent
 ORDER = [
     "errors",
+    "options",
     "geometry",
     "frame",
-    "weights",
+    "point_cloud",
+    "checkpoints",
     "depth",
     "mpi",
-    "generate",
-    "render",
-    "align",
-    "nearest",
+    "generators",
+    "rendering",
+    "scale_alignment",
+    "view_weights",
     "metric_depth",
     "error_map",
     "overlay",
-    "presets",
     "timing",
+    "light_field",
+    "view_builder",
     "pipeline",
     "output",
-    "page",
+    "reports",
     "event_log",
     "mpi_file",
     "datasets",
+    "metrics",
+    "poses",
+    "selection",
     "guidance",
     "replay",
     "splat",
-    "evaluate",
+    "experiments",
     "study",
     "server",
-    "bench",
+    "benchmarks",
     "commands",
     "cli",
 ]
@@ -77,6 +83,70 @@ def test_imports_go_one_way(path: Path) -> None:
     own = ORDER.index(stage_of_file(path))
     later = {name for name in imports_of(path) if ORDER.index(name) > own}
     assert not later, f"imports later stages: {sorted(later)}"
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def files_imported_by(path: Path, modules: dict[str, Path]) -> set[Path]:
+    """Return the files of the package that a file imports, wherever in the file.
+
+    What only the type checker imports does not count.
+    """
+    found: set[Path] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            node.body = []
+        if isinstance(node, ast.Import):
+            found |= {modules[name.name] for name in node.names if name.name in modules}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            inner = {f"{node.module}.{name.name}" for name in node.names}
+            found |= {modules[name] for name in inner & modules.keys()}
+            if inner - modules.keys() and node.module in modules:
+                found.add(modules[node.module])
+    return found - {path}
+
+
+def circles(imports: dict[Path, set[Path]]) -> list[list[Path]]:
+    """Return the sets of files that import each other, in a circle of any length (Tarjan 1972)."""
+    order: dict[Path, int] = {}
+    low: dict[Path, int] = {}
+    stack: list[Path] = []
+    found: list[list[Path]] = []
+
+    def visit(path: Path) -> None:
+        order[path] = low[path] = len(order)
+        stack.append(path)
+        for other in imports[path]:
+            if other not in order:
+                visit(other)
+                low[path] = min(low[path], low[other])
+            elif other in stack:
+                low[path] = min(low[path], order[other])
+        if low[path] == order[path]:
+            start = stack.index(path)
+            if len(stack) - start > 1:
+                found.append(sorted(stack[start:]))
+            del stack[start:]
+
+    for path in imports:
+        if path not in order:
+            visit(path)
+    return found
+
+
+def test_a_circle_of_three_files_is_found() -> None:
+    a, b, c, d = (Path(name) for name in "abcd")
+    assert circles({a: {b}, b: {c}, c: {a, d}, d: set()}) == [[a, b, c]]
+    assert circles({a: {b, c}, b: {d}, c: {d}, d: set()}) == []
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    modules = {module_of(path): path for path in MODULES}
+    found = circles({path: files_imported_by(path, modules) for path in MODULES})
+    assert [[str(path.relative_to(ROOT)) for path in circle] for circle in found] == []
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:

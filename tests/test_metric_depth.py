@@ -14,17 +14,19 @@ import numpy as np
 import pytest
 from jaxtyping import Float32, Float64
 
-from peaking import pipeline
+from peaking import view_builder
 from peaking.cli import main
-from peaking.datasets.nerfstudio import Recording, open_recording
-from peaking.datasets.point_cloud import encode_points, seen_points
+from peaking.datasets.nerfstudio import NerfstudioRecording, open_recording
+from peaking.datasets.point_cloud import encode_points
 from peaking.depth import complete
 from peaking.errors import PeakingError
 from peaking.frame import Frame
-from peaking.metric_depth import Captured, estimate_depth
+from peaking.metric_depth import CapturedView, estimate_depth
 from peaking.mpi import Mpi
-from peaking.pipeline import LocalLightField
-from peaking.render import render
+from peaking.pipeline import Reconstruction
+from peaking.point_cloud import visible_points
+from peaking.rendering import render
+from peaking.view_builder import ViewBuilder
 from recordings import Room, write_recording
 from simulated_depth import Simulated
 
@@ -63,22 +65,22 @@ if (BESIDE / "7scenes_redkitchen") in STEPS:
 class Three:
     """Three frames in a row of the working size, and what the hidden sensor said of them."""
 
-    recording: Recording
+    recording: NerfstudioRecording
     middle: int
     frames: list[Frame]
     depths_m: list[Float32[np.ndarray, "h w"]]
-    captured: list[Captured]
+    captured: list[CapturedView]
     estimator: Simulated
 
-    def error(self, frame: Frame, others: list[Captured]) -> float:
+    def error(self, frame: Frame, others: list[CapturedView]) -> float:
         """Return the median relative error of the estimated depth of the middle one."""
         made = estimate_depth(frame, self.estimator, others)
         assert made.fit is not None
         return float(np.median(np.abs(made.depth_m / self.depths_m[1] - 1)))
 
 
-def three_of(recording: Recording, step: int) -> Three:
-    field = LocalLightField()
+def three_of(recording: NerfstudioRecording, step: int) -> Three:
+    field = ViewBuilder()
     middle = len(recording) // 2
     frames = [field.prepare(recording.read(middle + i * step)) for i in (-1, 0, 1)]
     estimator = Simulated()
@@ -87,7 +89,7 @@ def three_of(recording: Recording, step: int) -> Three:
         assert frame.depth_m is not None
         depths_m.append(complete(frame.depth_m, frame.rgb))
         estimator.tell(frame.rgb, depths_m[-1])
-    captured = [Captured(frame, field.mpi_of(frame), metric=True) for frame in frames]
+    captured = [CapturedView(frame, field.generate(frame), metric=True) for frame in frames]
     return Three(recording, middle, frames, depths_m, captured, estimator)
 
 
@@ -119,7 +121,7 @@ def test_from_tracked_points(three: Three) -> None:
 
 
 def sampled_m(
-    recording: Recording, indices: Sequence[int], count: int
+    recording: NerfstudioRecording, indices: Sequence[int], count: int
 ) -> Float64[np.ndarray, "n 3"]:
     """Return points of the sensor's depth in the world, as many of every frame."""
     generator = np.random.default_rng(0)
@@ -135,13 +137,15 @@ def sampled_m(
     return np.concatenate(points_m)
 
 
-def sampled_everywhere_m(recording: Recording) -> Float64[np.ndarray, "n 3"]:
+def sampled_everywhere_m(recording: NerfstudioRecording) -> Float64[np.ndarray, "n 3"]:
     """Return a cloud of 5000 points, of 40 frames from begin to end."""
     indices = np.linspace(0, len(recording) - 1, min(len(recording), 40)).astype(int)
     return sampled_m(recording, indices.tolist(), 5000)
 
 
-def with_points_for_depth(recording: Recording, index: int, folder: Path, *, own: bool) -> Frame:
+def with_points_for_depth(
+    recording: NerfstudioRecording, index: int, folder: Path, *, own: bool
+) -> Frame:
     """Write a frame as a recording without depth, with 300 points of its own or 5000 of all."""
     entry = dict(recording.views[index].entry)
     del entry["depth_file_path"]
@@ -168,7 +172,7 @@ def hidden_share(points_m: Float64[np.ndarray, "n 3"], frame: Frame) -> float:
     """Return how many of the points in a picture are more than a tenth behind the sensor's."""
     assert frame.depth_m is not None
     height, width = frame.depth_m.shape
-    xy_px, depth_m = frame.camera.resized(width, height).px_from_world(points_m)
+    xy_px, depth_m = frame.camera.resized(width, height).project(points_m)
     inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < (width, height))).all(axis=1)
     cols, rows = xy_px[inside].astype(int).T
     sensor_m, depth_m = frame.depth_m[rows, cols], depth_m[inside]
@@ -179,7 +183,7 @@ def hidden_share(points_m: Float64[np.ndarray, "n 3"], frame: Frame) -> float:
 def test_few_of_the_points_that_a_frame_takes_of_a_cloud_are_hidden(three: Three) -> None:
     frame, cloud_m = three.frames[1], sampled_everywhere_m(three.recording)
     of_all = hidden_share(cloud_m, frame)
-    of_taken = hidden_share(seen_points(cloud_m, frame.camera), frame)
+    of_taken = hidden_share(visible_points(cloud_m, frame.camera), frame)
     measured.info("hidden of all, of those taken: %.4f %.4f", of_all, of_taken)
     assert of_taken < min(of_all / 2, HIDDEN_SHARE)
 
@@ -189,12 +193,12 @@ def test_a_recording_with_a_few_hundred_points_in_the_place_of_depth(
     three: Three, own: bool, tmp_path: Path
 ) -> None:
     frame = with_points_for_depth(three.recording, three.middle, tmp_path, own=own)
-    field = LocalLightField(estimator=three.estimator)
+    field = ViewBuilder(estimator=three.estimator)
     fit = estimate_depth(field.prepare(frame), three.estimator, []).fit
     assert fit is not None
     measured.info("residual of %d points: %.4f", fit.num_points, fit.residual)
     assert fit.residual < RESIDUAL_OF_A_FEW_HUNDRED
-    made, guessed = (field.captured(f).mpi for f in (frame, replace(frame, points_m=None)))
+    made, guessed = (field.build(f).mpi for f in (frame, replace(frame, points_m=None)))
     for aside in (three.frames[0], three.frames[2]):
         psnr_db = psnrs_db([three.captured[1].mpi, made, guessed], aside)
         measured.info("PSNR of sensor, points, guess: %.2f %.2f %.2f", *psnr_db)
@@ -215,7 +219,7 @@ def test_from_neighbours_in_metres(three: Three) -> None:
 
 def test_from_matches_with_views_that_have_no_depth_either(three: Three) -> None:
     others = [
-        Captured(hidden(captured.frame), captured.mpi.scaled(3.0), metric=False)
+        CapturedView(hidden(captured.frame), captured.mpi.scaled(3.0), metric=False)
         for captured in (three.captured[0], three.captured[2])
     ]
     assert three.error(hidden(three.frames[1]), others) < ERROR_BY_MATCHES
@@ -229,14 +233,14 @@ def test_of_a_lone_frame_the_scale_is_a_guess(three: Three) -> None:
 
 
 def test_a_guessed_view_is_flagged_and_aligned_when_a_neighbour_comes(three: Three) -> None:
-    field = LocalLightField(estimator=three.estimator)
+    field = Reconstruction(estimator=three.estimator)
     field.add_view(hidden(three.frames[1]))
-    assert field.guessed == {0}
-    seen, _ = field.view_from(three.frames[1].camera)  # from where it was taken it is right
+    assert field.light_field.guessed == {0}
+    seen = field.render(three.frames[1].camera)  # from where it was taken it is right
     assert seen.alpha.mean() > 0.9
     field.add_view(three.frames[0])  # with sensor depth
-    assert field.guessed == set()
-    shown_m = render(field.views[0], three.frames[1].camera).depth_m
+    assert field.light_field.guessed == set()
+    shown_m = render(field.views[0].mpi, three.frames[1].camera).depth_m
     error = np.median(np.abs(shown_m / three.depths_m[1] - 1))
     assert error < ERROR_WITH_POINTS
 
@@ -246,7 +250,7 @@ def test_a_sensor_of_few_samples_tells_the_scale_of_an_estimate(three: Three) ->
     assert frame.depth_m is not None
     few_m = cv2.resize(frame.depth_m, (16, 12), interpolation=cv2.INTER_NEAREST)
     few = replace(frame, depth_m=few_m.astype(np.float32))
-    captured = LocalLightField(estimator=three.estimator).captured(few)
+    captured = ViewBuilder(estimator=three.estimator).build(few)
     assert captured.metric
     shown_m = render(captured.mpi, frame.camera).depth_m
     assert np.median(np.abs(shown_m / three.depths_m[1] - 1)) < ERROR_WITH_POINTS
@@ -254,7 +258,7 @@ def test_a_sensor_of_few_samples_tells_the_scale_of_an_estimate(three: Three) ->
 
 def test_guessed_views_are_not_shown_beside_known_ones() -> None:
     three = three_of(open_recording(DESK), 4)
-    field = LocalLightField(estimator=three.estimator)
+    field = Reconstruction(estimator=three.estimator)
     field.add_view(three.frames[0])
     black = np.zeros_like(three.frames[1].rgb)  # nothing to match
     three.estimator.tell(black, three.depths_m[1])
@@ -263,15 +267,15 @@ def test_guessed_views_are_not_shown_beside_known_ones() -> None:
     pose = replace(camera.world_from_cam, rotation=camera.world_from_cam.rotation @ behind)
     turned = replace(camera, world_from_cam=pose)
     field.add_view(replace(hidden(three.frames[1]), rgb=black, camera=turned))
-    assert field.guessed == {1}
-    _, neighbours = field.view_from(turned)
+    assert field.light_field.guessed == {1}
+    neighbours = field.light_field.choose_views(turned)
     assert [neighbour.index for neighbour in neighbours] == [0]
 
 
 def test_without_an_estimator_it_says_what_to_do(tmp_path: Path) -> None:
     scene = open_recording(write_recording(tmp_path / "scene", num_frames=1, with_depth=False))
     with pytest.raises(PeakingError, match="--depth-model"):
-        LocalLightField().add_view(scene.read(0))
+        Reconstruction().add_view(scene.read(0))
 
 
 def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
@@ -279,7 +283,7 @@ def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
 ) -> None:
     scene = write_recording(tmp_path / "scene", num_frames=6, with_depth=False)
     estimator = Simulated(waves=0.0)
-    field, recording = LocalLightField(estimator=estimator), open_recording(scene)
+    field, recording = ViewBuilder(estimator=estimator), open_recording(scene)
     for index in range(len(recording)):
         small = field.prepare(recording.read(index))
         estimator.tell(small.rgb, Room().photographed(small.camera)[1])
@@ -288,9 +292,9 @@ def test_recordings_without_depth_are_generated_and_replayed_with_a_depth_model(
         assert (model, device, runtime) == ("simulated", "auto", "pytorch")
         return estimator
 
-    monkeypatch.setattr(pipeline, "estimator_named", simulated)
+    monkeypatch.setattr(view_builder, "create_estimator", simulated)
     estimated = ["--depth-model", "simulated"]
     main(["generate", str(scene), "--out", str(tmp_path / "a.mpi"), *estimated])
-    assert "of a guessed scale" in capsys.readouterr().out
+    assert "its scale is a guess" in capsys.readouterr().out
     main(["replay", str(scene), "--out", str(tmp_path / "out"), "--no-video", *estimated])
     assert len(open_recording(tmp_path / "out/captured")) >= 1

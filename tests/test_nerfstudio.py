@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from peaking.datasets import Recording, open_recording, write_recording_subset
+from peaking.datasets.nerfstudio import NerfstudioRecording, open_recording
 from peaking.errors import OutputError, RecordingError
 from peaking.geometry import Pinhole
 from peaking.output import encode_jpeg, encode_png
@@ -66,7 +66,7 @@ def test_a_recording_comes_back_as_it_was_taken(folder: Path) -> None:
     recording = open_recording(folder)
     assert len(recording) == 4
     assert recording.names == ("frame_00000", "frame_00001", "frame_00002", "frame_00003")
-    assert recording.timestamps == (0.0, 1 / 30, 2 / 30, 3 / 30)
+    assert recording.timestamps_s == (0.0, 1 / 30, 2 / 30, 3 / 30)
     for i, camera in enumerate(lateral_cameras(4, 64, 48)):
         rgb, depth_m = Room().photographed(camera)
         frame = recording.read(i)
@@ -263,7 +263,7 @@ def test_a_subset_opens_again_and_is_the_same(folder: Path, tmp_path: Path) -> N
     edit_json(folder, more)
     recording = open_recording(folder)
     out = tmp_path / "made" / "subset"
-    subset = write_recording_subset(recording, [2, 0], out)
+    subset = recording.write_subset([2, 0], out)
     assert subset.root == out
     assert subset.names == open_recording(out).names == ("frame_00002", "frame_00000")
     for got, index in enumerate([2, 0]):
@@ -294,7 +294,7 @@ def test_a_subset_keeps_the_lens_and_endings_as_they_are(folder: Path, tmp_path:
     edit_json(folder, lambda top: top.update(camera_model="OPENCV", k1=0.1, applied_scale=2.0))
     edit_json(folder, lambda top: top["frames"][0].update(file_path="images/frame_00000"))
     recording = open_recording(folder)
-    subset = write_recording_subset(recording, [0], tmp_path / "out")
+    subset = recording.write_subset([0], tmp_path / "out")
     assert subset.cameras[0].pinhole == recording.cameras[0].pinhole
     np.testing.assert_array_equal(subset.read(0).rgb, recording.read(0).rgb)
 
@@ -302,7 +302,7 @@ def test_a_subset_keeps_the_lens_and_endings_as_they_are(folder: Path, tmp_path:
 @pytest.mark.parametrize("indices", [[], [0, 0], [4], [-1]])
 def test_wrong_indices(folder: Path, tmp_path: Path, indices: list[int]) -> None:
     with pytest.raises(ValueError, match="need"):
-        write_recording_subset(open_recording(folder), indices, tmp_path / "out")
+        open_recording(folder).write_subset(indices, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -310,11 +310,11 @@ def test_a_subset_is_complete_or_absent(folder: Path, tmp_path: Path) -> None:
     recording = open_recording(folder)
     (folder / "images/frame_00003.png").unlink()
     out = tmp_path / "out"
-    error = complaint(lambda: write_recording_subset(recording, [0, 3], out))
+    error = complaint(lambda: recording.write_subset([0, 3], out))
     assert error.path == folder / "images/frame_00003.png"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["recording"]
     with pytest.raises(OutputError, match="not empty"):
-        write_recording_subset(recording, [0], folder)
+        recording.write_subset([0], folder)
 
 
 # --- bad input -----------------------------------------------------------------------------------
@@ -487,7 +487,7 @@ PICTURE = {
 }
 
 
-def read_all(folder: Path) -> Recording:
+def read_all(folder: Path) -> NerfstudioRecording:
     recording = open_recording(folder)
     for index in range(len(recording)):
         recording.read(index)

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from peaking.datasets.nerfstudio import open_recording, write_recording_subset
+from peaking.datasets import open_recording
 from peaking.datasets.point_cloud import (
-    MOST_POINTS,
+    MAX_POINTS,
     check_points,
     encode_points,
     read_points,
-    seen_points,
 )
 from peaking.errors import RecordingError
 from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.point_cloud import visible_points
 from recordings import lateral_cameras, write_recording
 
 POINTS = np.array([[1.0, -2.5, 3.0], [0.25, 0.0, 4.0]])
@@ -74,7 +74,7 @@ def test_points_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
 
 def test_of_a_large_cloud_some_are_taken_from_everywhere(tmp_path: Path) -> None:
     path = tmp_path / "a.ply"
-    along = np.arange(2.0 * MOST_POINTS + 1)
+    along = np.arange(2.0 * MAX_POINTS + 1)
     path.write_bytes(encode_points(np.stack([along, along, along], axis=1)))
     np.testing.assert_array_equal(read_points(path)[:, 1], along[::3])
 
@@ -90,8 +90,8 @@ def test_what_is_behind_the_nearest_point_of_its_part_is_hidden() -> None:
     beside, below = at(21, 15, 3.0), at(15, 21, 3.0)
     outside, behind = at(320.5, 15, 1.0), [0.0, 0.0, -1.0]
     cloud = np.array([hidden, near, slanted, beside, below, outside, behind])
-    np.testing.assert_array_equal(seen_points(cloud, camera), [near, slanted, beside, below])
-    assert len(seen_points(np.zeros((0, 3)), camera)) == 0
+    np.testing.assert_array_equal(visible_points(cloud, camera), [near, slanted, beside, below])
+    assert len(visible_points(np.zeros((0, 3)), camera)) == 0
 
 
 # --- recordings ----------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_where_there_is_a_depth_map_no_cloud_is_read(tmp_path: Path) -> None:
 
 def test_a_subset_keeps_the_clouds(folder: Path, tmp_path: Path) -> None:
     recording = open_recording(with_cloud(folder, in_frame=True))
-    subset = write_recording_subset(recording, [1, 2], tmp_path / "out")
+    subset = recording.write_subset([1, 2], tmp_path / "out")
     np.testing.assert_array_equal(
         np.asarray(subset.read(0).points_m), np.asarray(recording.read(1).points_m)
     )

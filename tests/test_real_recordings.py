@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from peaking.datasets.nerfstudio import open_recording
-from peaking.pipeline import LocalLightField
+from peaking.datasets import open_recording
+from peaking.pipeline import Reconstruction
 
 BESIDE = Path(__file__).parent.parent.parent / "shared/data"
 RECORDINGS = sorted(path.parent for path in BESIDE.glob("*/transforms.json"))
@@ -26,10 +26,10 @@ def test_every_recording_opens_and_reads(folder: Path) -> None:
 @pytest.mark.parametrize("folder", WITH_DEPTH, ids=lambda path: path.name)
 def test_at_a_captured_view_little_is_red_and_steps_aside_more(folder: Path) -> None:
     recording = open_recording(folder)
-    scene = LocalLightField()
+    scene = Reconstruction()
     scene.add_view(recording.read(0))
     here, aside = (scene.prepare(recording.read(index)) for index in (0, 3))
-    at_home = scene.see(here.rgb, here.camera).errors.peaked_share
-    away = scene.see(aside.rgb, aside.camera).errors.peaked_share
+    at_home = scene.compare(here.rgb, here.camera).errors.peaked_share
+    away = scene.compare(aside.rgb, aside.camera).errors.peaked_share
     assert at_home < 0.005
     assert at_home < away < 0.9

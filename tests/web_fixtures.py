@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.error_map import GAIN_STRIDE, exposure_gain
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.guidance import (
@@ -31,16 +31,16 @@ from peaking.guidance.guide import next_target, within_reach
 from peaking.guidance.scan import middle_depth_m
 from peaking.mpi import Mpi
 from peaking.mpi_file import encode
-from peaking.nearest import (
+from peaking.options import Options
+from peaking.pipeline import Reconstruction
+from peaking.rendering import Rendering
+from peaking.server.recordings import wire_of_camera
+from peaking.view_weights import (
     Neighbour,
     nearest_by_distance,
     nearest_by_overlap,
     overlap_shares,
 )
-from peaking.pipeline import LocalLightField
-from peaking.presets import Options
-from peaking.render import Rendering
-from peaking.server.recordings import wire_of_camera
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "web" / "fixtures"
@@ -50,7 +50,7 @@ OPTIONS = Options(
     num_planes=8,
     align="robust",
     neighbours=4,
-    weights="overlap",
+    blend_weights="overlap",
     opacity="seen",
     error_threshold=0.4,
     shift_px=1,
@@ -74,7 +74,7 @@ def fixtures() -> dict[str, bytes]:
 
 def desk_mpi() -> Mpi:
     """Return a small MPI of the sample scene."""
-    field = LocalLightField(OPTIONS)
+    field = Reconstruction(OPTIONS)
     return field.add_view(open_recording(ROOT / "scenes" / "desk").read(0))
 
 

@@ -3,4 +3,4 @@
 Start with `peaking.pipeline`: the whole method on one screen. Conventions: CONVENTIONS.md.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"

@@ -1,8 +1,10 @@
-"""The `peaking` command: one subcommand per thing a person wants done."""
+"""The `peaking` command and its subcommands."""
 
 from __future__ import annotations
 
+import functools
 import inspect
+import operator
 import os
 import sys
 from collections.abc import Sequence
@@ -10,10 +12,12 @@ from typing import Annotated, Any, Protocol, runtime_checkable
 
 import tyro
 
+import peaking
 from peaking.commands import (
     bench,
     bench_generators,
     bench_live,
+    checkpoints,
     demo,
     evaluate,
     generate,
@@ -24,7 +28,6 @@ from peaking.commands import (
     serve,
     splat,
     study,
-    weights,
 )
 from peaking.errors import PeakingError
 
@@ -39,62 +42,68 @@ Examples:
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
-  peaking plan --zmin 0.5 --area 0.15
+  peaking plan --z-min-m 0.5 --area-m 0.15
   peaking evaluate scenes/desk --out out/evaluation
   peaking quality scenes/desk
-  peaking weights
+  peaking checkpoints
   peaking bench --json bench.json
   peaking bench live --json live.json
   peaking bench generators
 
-`peaking COMMAND --help` tells about one command."""
+`peaking COMMAND --help` explains one command; `peaking --version` prints the version."""
 
 
 @runtime_checkable
 class Command(Protocol):
-    """What every subcommand is: its fields are the arguments."""
+    """A subcommand: its fields are the arguments."""
 
     def run(self) -> None:
-        """Do it."""
+        """Run the command."""
         ...
 
 
-def _subcommand(name: str, command: type[Command]) -> Any:
-    """Name a subcommand and show its whole docstring, examples included."""
-    return tyro.conf.subcommand(name, description=inspect.getdoc(command))
+COMMANDS: dict[str, type[Command]] = {
+    "demo": demo.Demo,
+    "serve": serve.Serve,
+    "study": study.Study,
+    "replay": replay.Replay,
+    "plan": plan.Plan,
+    "generate": generate.Generate,
+    "render": render.Render,
+    "splat": splat.Splat,
+    "evaluate": evaluate.Evaluate,
+    "quality": quality.Quality,
+    "checkpoints": checkpoints.Checkpoints,
+    "bench": bench.Bench,
+    "bench live": bench_live.BenchLive,
+    "bench generators": bench_generators.BenchGenerators,
+}
 
 
-Commands = (
-    Annotated[demo.Demo, _subcommand("demo", demo.Demo)]
-    | Annotated[serve.Serve, _subcommand("serve", serve.Serve)]
-    | Annotated[study.Study, _subcommand("study", study.Study)]
-    | Annotated[replay.Replay, _subcommand("replay", replay.Replay)]
-    | Annotated[plan.Plan, _subcommand("plan", plan.Plan)]
-    | Annotated[generate.Generate, _subcommand("generate", generate.Generate)]
-    | Annotated[render.Render, _subcommand("render", render.Render)]
-    | Annotated[splat.Splat, _subcommand("splat", splat.Splat)]
-    | Annotated[evaluate.Evaluate, _subcommand("evaluate", evaluate.Evaluate)]
-    | Annotated[quality.Quality, _subcommand("quality", quality.Quality)]
-    | Annotated[weights.Weights, _subcommand("weights", weights.Weights)]
-    | Annotated[bench.Bench, _subcommand("bench", bench.Bench)]
-    | Annotated[bench_live.BenchLive, _subcommand("bench-live", bench_live.BenchLive)]
-    | Annotated[
-        bench_generators.BenchGenerators,
-        _subcommand("bench-generators", bench_generators.BenchGenerators),
-    ]
-)
+def _subcommands(*, whole: bool) -> Any:
+    """Return the union of all subcommands, described by a line or by the whole docstring."""
+    described: list[Any] = []
+    for name, command in COMMANDS.items():
+        text = inspect.getdoc(command) or ""
+        description = text if whole else text.partition("\n")[0]
+        subcommand = tyro.conf.subcommand(name, description=description)
+        described.append(Annotated[command, subcommand])
+    return functools.reduce(operator.or_, described)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; exit code 2 for bad input, 130 for Ctrl-C."""
-    # Idle threads of a kernel sleep: by default they spin for some 10 ms, and keep from work what
-    # comes next or runs beside. It has to be said before the first kernel runs.
+    # Idle threads of a kernel sleep: by default they spin for some 10 ms and slow down whatever
+    # runs next or beside them. This has to be set before the first kernel runs.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["--version"]:
+        print(f"peaking {peaking.__version__}")
+        return
     if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"]):
-        words[:2] = [f"bench-{words[1]}"]
+        words[:2] = [f"bench {words[1]}"]  # these names have two words
     command: Command = tyro.cli(
-        Commands,  # type: ignore[arg-type]
+        _subcommands(whole=words[:1] not in ([], ["-h"], ["--help"])),
         prog="peaking",
         description=DESCRIPTION,
         args=words,
@@ -105,9 +114,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except PeakingError as error:
         print(f"peaking: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    except ValueError as error:
-        print(f"peaking: wrong argument: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
     except KeyboardInterrupt:
-        print("peaking: interrupted; nothing half-written is left", file=sys.stderr)
+        print("peaking: interrupted; no half-written files are left", file=sys.stderr)
         raise SystemExit(130) from None

@@ -6,7 +6,7 @@ PeakingError
 ├── StudyError          a study's protocol, questionnaire or log cannot be used
 ├── MpiFileError        bytes that are not a sound .mpi file
 ├── NothingToAlign      no pixel has both a metric depth and a rendered disparity
-├── WeightsError        a file of learned weights is missing, damaged or of another network
+├── CheckpointError     a checkpoint is missing, damaged or of another network
 ├── OutputError         the place to write to is taken, full or not writable
 ├── ToolMissing         a program or extra that was asked for is not installed
 └── BackendUnavailable  a compute backend that was asked for is not installed
@@ -61,8 +61,8 @@ class NothingToAlign(PeakingError):
     """No pixel has both a metric depth and a rendered disparity."""
 
 
-class WeightsError(PeakingError):
-    """A file of learned weights is missing, damaged, or of another network."""
+class CheckpointError(PeakingError):
+    """A checkpoint (learned weights of a network) is missing, damaged, or of another network."""
 
 
 class OutputError(PeakingError):

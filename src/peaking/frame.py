@@ -9,9 +9,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 
 from peaking.geometry import Camera
-
-PAPER_PIXELS = 294 * 639
-"""Pixels of the paper's MPI; other aspects keep this number."""
+from peaking.options import PAPER_PIXELS
 
 
 @dataclass(frozen=True)
@@ -56,3 +54,8 @@ def working_size_px(
     """Return the size of the same aspect with about `pixels` pixels (294×639 gives itself)."""
     scale = (pixels / (width_px * height_px)) ** 0.5
     return max(1, round(width_px * scale)), max(1, round(height_px * scale))
+
+
+def as_float(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
+    """Return 8-bit colours as float32 in 0…1."""
+    return rgb.astype(np.float32) / np.float32(255)

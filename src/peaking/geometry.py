@@ -5,11 +5,12 @@ Axes, pixel centres and units: CONVENTIONS.md.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-from jaxtyping import Float, Float64, Real
+from jaxtyping import Bool, Float, Float64, Real
 
 
 class World:
@@ -157,6 +158,14 @@ class Pinhole:
         x, y = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
         return np.stack([x, y], axis=-1)
 
+    def project(self, points_m: Float64[np.ndarray, "*n 3"]) -> Float64[np.ndarray, "*n 2"]:
+        """Return where points in the camera's frame are seen; NaN where z is not > 0."""
+        z_m = points_m[..., 2]
+        safe_m = np.where(z_m > 0, z_m, np.nan)
+        x_px = self.fx_px * points_m[..., 0] / safe_m + self.cx_px
+        y_px = self.fy_px * points_m[..., 1] / safe_m + self.cy_px
+        return np.stack([x_px, y_px], axis=-1)
+
     def rays(self) -> Float64[np.ndarray, "h w 3"]:
         """Return for every pixel's centre the point with z = 1 that is seen there."""
         xy = self.pixel_centers()
@@ -191,17 +200,37 @@ class Camera:
         """Return the same camera with another number of pixels."""
         return Camera(self.pinhole.resized(width_px, height_px), self.world_from_cam)
 
-    def px_from_world(
+    def project(
         self, points_m: Float[np.ndarray, "*n 3"]
     ) -> tuple[Float64[np.ndarray, "*n 2"], Float64[np.ndarray, "*n"]]:
-        """Project points; return pixels and depth in metres (pixels are NaN where depth <= 0)."""
+        """Project points of the world.
+
+        Returns:
+            Pixels (NaN where the depth is not > 0), and depth in metres.
+        """
         in_cam_m = self.world_from_cam.inverse().apply(np.asarray(points_m, dtype=np.float64))
-        depth_m = in_cam_m[..., 2]
-        safe_m = np.where(depth_m > 0, depth_m, np.nan)
-        k = self.pinhole
-        x_px = k.fx_px * in_cam_m[..., 0] / safe_m + k.cx_px
-        y_px = k.fy_px * in_cam_m[..., 1] / safe_m + k.cy_px
-        return np.stack([x_px, y_px], axis=-1), depth_m
+        return self.pinhole.project(in_cam_m), in_cam_m[..., 2]
+
+    def sees(self, points_m: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
+        """Return which points of the world lie in the picture, whatever may hide them."""
+        xy_px, depth_m = self.project(points_m)
+        inside = (xy_px >= 0).all(axis=-1) & (xy_px <= self.pinhole.size_px).all(axis=-1)
+        return (depth_m > 0) & inside
+
+
+def seen_by(
+    cameras: Sequence[Camera], points_m: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, "cameras n"]:
+    """Return which points of the world lie in which camera's picture: `Camera.sees` of many."""
+    rotations = np.stack([camera.world_from_cam.rotation for camera in cameras])
+    positions_m = np.stack([camera.position_m for camera in cameras])
+    in_cam_m = (points_m[None] - positions_m[:, None]) @ rotations
+    px_from_cam = np.stack([camera.pinhole.px_from_cam for camera in cameras])
+    homogeneous = in_cam_m @ px_from_cam.transpose(0, 2, 1)
+    ahead = homogeneous[..., 2] > 0
+    xy_px = homogeneous[..., :2] / np.where(ahead, homogeneous[..., 2], 1.0)[..., None]
+    sizes_px = np.array([camera.pinhole.size_px for camera in cameras])[:, None]
+    return ahead & (xy_px >= 0).all(axis=-1) & (xy_px <= sizes_px).all(axis=-1)
 
 
 def source_from_target(source: Camera, target: Camera) -> Rigid[Source, Target]:

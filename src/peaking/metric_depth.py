@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from peaking.depth.estimator import DepthEstimator
-from peaking.depth.metric import (
+from peaking.depth.scale_shift import (
     Evidence,
     MetricFit,
     evidence_of_depth,
@@ -28,9 +28,10 @@ from peaking.depth.metric import (
 from peaking.depth.triangulate import triangulate
 from peaking.errors import NothingToAlign
 from peaking.frame import Frame
+from peaking.geometry import Camera
 from peaking.mpi import Mpi
-from peaking.nearest import nearest_by_distance
-from peaking.render import render
+from peaking.rendering import render
+from peaking.view_weights import nearest_by_distance
 
 GUESSED_RANGE_M = (0.8, 4.0)
 """Where a frame's depths are put while nothing is known."""
@@ -38,16 +39,16 @@ GUESSED_RANGE_M = (0.8, 4.0)
 NEIGHBOURS = 4
 """Views that are asked for evidence, the nearest."""
 
-LEAST_ALPHA = 0.95
+MIN_ALPHA = 0.95
 RENDERED_SHRINK = 4
 """Neighbours are rendered in a quarter of the size per axis."""
 
-LEAST_INLIERS = 0.5
+MIN_INLIERS = 0.5
 """Share of the evidence that must agree with a fit for it to be believed."""
 
 
 @dataclass(frozen=True)
-class Captured:
+class CapturedView:
     """A captured view.
 
     Attributes:
@@ -75,7 +76,7 @@ class EstimatedDepth:
 
 
 def estimate_depth(
-    frame: Frame, estimator: DepthEstimator, others: Sequence[Captured]
+    frame: Frame, estimator: DepthEstimator, others: Sequence[CapturedView]
 ) -> EstimatedDepth:
     """Estimate the depth of a frame of the working size, in metres where anything is known.
 
@@ -88,14 +89,14 @@ def estimate_depth(
     evidence = evidence_for(frame, others)
     try:
         fit = fit_metric(relative, evidence)
-        if fit.inliers >= LEAST_INLIERS:
+        if fit.inliers >= MIN_INLIERS:
             return EstimatedDepth(metric_depth_m(relative, fit, evidence), fit)
     except NothingToAlign:
         pass
     return EstimatedDepth(_guessed_m(relative, estimator), None)
 
 
-def evidence_for(frame: Frame, others: Sequence[Captured]) -> Evidence:
+def evidence_for(frame: Frame, others: Sequence[CapturedView]) -> Evidence:
     """Collect all that is known about distances in a frame."""
     size_px = frame.camera.pinhole.size_px
     evidence = Evidence.none()
@@ -103,15 +104,20 @@ def evidence_for(frame: Frame, others: Sequence[Captured]) -> Evidence:
         evidence = evidence.and_also(evidence_of_depth(frame.depth_m, size_px))
     if frame.points_m is not None:
         evidence = evidence.and_also(evidence_of_points(frame.points_m, frame.camera))
-    if not others:
-        return evidence
     cameras = [other.mpi.camera for other in others]
-    nearest = nearest_by_distance(cameras, frame.camera, count=min(NEIGHBOURS, len(others)))
-    for other in (others[neighbour.index] for neighbour in nearest):
+    for other in (others[number] for number in views_to_ask(cameras, frame.camera)):
         evidence = evidence.and_also(triangulate(frame, other.frame))
         if other.metric:
             evidence = evidence.and_also(_rendered(other.mpi, frame))
     return evidence
+
+
+def views_to_ask(cameras: Sequence[Camera], target: Camera) -> list[int]:
+    """Return which views may tell the scale of a frame's estimated depth: the nearest few."""
+    if not cameras:
+        return []
+    count = min(NEIGHBOURS, len(cameras))
+    return [neighbour.index for neighbour in nearest_by_distance(cameras, target, count=count)]
 
 
 def _rendered(mpi: Mpi, frame: Frame) -> Evidence:
@@ -121,7 +127,7 @@ def _rendered(mpi: Mpi, frame: Frame) -> Evidence:
         max(width // RENDERED_SHRINK, 1), max(height // RENDERED_SHRINK, 1)
     )
     seen = render(mpi, small)
-    known_m = np.where(seen.alpha >= LEAST_ALPHA, seen.depth_m, np.float32(0.0))
+    known_m = np.where(seen.alpha >= MIN_ALPHA, seen.depth_m, np.float32(0.0))
     return evidence_of_depth(known_m.astype(np.float32), (width, height))
 
 

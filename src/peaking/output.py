@@ -12,7 +12,7 @@ import math
 import os
 import secrets
 import shutil
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 
 import cv2
@@ -79,7 +79,7 @@ def write_atomically(path: Path, data: bytes) -> None:
             raise
 
 
-Picture = (
+Image = (
     UInt8[np.ndarray, "h w 3"]
     | UInt8[np.ndarray, "h w 4"]
     | UInt8[np.ndarray, "h w"]
@@ -87,7 +87,7 @@ Picture = (
 )
 
 
-def encode_png(picture: Picture) -> bytes:
+def encode_png(picture: Image) -> bytes:
     """Return RGB, RGB with straight alpha, grey, or depth in millimetres as the bytes of a PNG."""
     turned = picture
     if picture.ndim == 3:
@@ -133,9 +133,9 @@ def _refuse_taken(target: Path, out: Path) -> None:
         raise OutputError(_sentence(error, out)) from error
 
 
-def _hidden_sibling(target: Path) -> Path:
+def _hidden_sibling(target: Path, token: Callable[[int], str] = secrets.token_hex) -> Path:
     """Return a free name on the same file system, where a rename is one step."""
-    return target.with_name(f".{target.name}.partial-{secrets.token_hex(4)}")
+    return target.with_name(f".{target.name}.partial-{token(4)}")
 
 
 @contextlib.contextmanager

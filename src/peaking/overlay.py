@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from peaking.error_map import ErrorMap
-from peaking.render import Rendering
+from peaking.rendering import Rendering
 
 Overlay = Literal["mpi", "video", "peaks"]
 """`mpi`: the MPI over black; `video`: peaks on the video; `peaks`: peaks on the MPI (default)."""
@@ -17,9 +17,9 @@ ERROR_RGB = (255, 0, 0)
 """c_err of the paper."""
 
 
-def mpi_over_black(view: Rendering) -> UInt8[np.ndarray, "h w 3"]:
+def mpi_over_black(rendering: Rendering) -> UInt8[np.ndarray, "h w 3"]:
     """Show what the reconstruction knows: `c' = α c_mpi` (paper, section 3.2, over black)."""
-    return np.clip(view.rgba[..., :3] * 255.0 + 0.5, 0, 255).astype(np.uint8)
+    return np.clip(rendering.rgba[..., :3] * 255.0 + 0.5, 0, 255).astype(np.uint8)
 
 
 def peaks_on_video(
@@ -31,9 +31,9 @@ def peaks_on_video(
     return picture
 
 
-def peaks_on_mpi(errors: ErrorMap, view: Rendering) -> UInt8[np.ndarray, "h w 3"]:
+def peaks_on_mpi(errors: ErrorMap, rendering: Rendering) -> UInt8[np.ndarray, "h w 3"]:
     """Show the digital double over black, red where it is wrong (the default)."""
-    picture = mpi_over_black(view)
+    picture = mpi_over_black(rendering)
     picture[errors.peaked] = ERROR_RGB
     return picture
 
@@ -41,13 +41,13 @@ def peaks_on_mpi(errors: ErrorMap, view: Rendering) -> UInt8[np.ndarray, "h w 3"
 def draw(
     overlay: Overlay,
     *,
-    view: Rendering,
+    rendering: Rendering,
     errors: ErrorMap,
     live: UInt8[np.ndarray, "h w 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Draw one of the three pictures."""
     if overlay == "mpi":
-        return mpi_over_black(view)
+        return mpi_over_black(rendering)
     if overlay == "video":
         return peaks_on_video(errors, live)
-    return peaks_on_mpi(errors, view)
+    return peaks_on_mpi(errors, rendering)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
@@ -9,8 +10,8 @@ from contextlib import contextmanager
 class Stopwatch:
     """Collects milliseconds per named stage."""
 
-    def __init__(self, clock_s: Callable[[], float]) -> None:
-        """Use `clock_s`, such as `time.perf_counter`."""
+    def __init__(self, clock_s: Callable[[], float] = time.perf_counter) -> None:
+        """Use a clock in seconds."""
         self._clock_s = clock_s
         self.stage_ms: dict[str, float] = {}
 

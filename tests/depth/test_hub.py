@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from depth_models import write_model
-from peaking.depth.estimator import DepthEstimator, estimator_named
+from peaking.checkpoints import (
+    KNOWN,
+    KnownCheckpoint,
+    checkpoints_folder,
+    depth_model_folder,
+    state_of,
+)
+from peaking.depth.estimator import DepthEstimator
 from peaking.depth.hub import Preparation
-from peaking.errors import WeightsError
-from peaking.weights import KNOWN, KnownWeights, depth_model_folder, state_of, weights_folder
+from peaking.depth.registry import create_estimator
+from peaking.errors import CheckpointError
 
 GREY = (0.5, 0.5, 0.5)
 
@@ -23,7 +30,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_folder_is_an_estimator(model: Path) -> None:
-    estimator = estimator_named(str(model), device="cpu")
+    estimator = create_estimator(str(model), device="cpu")
     assert isinstance(estimator, DepthEstimator)
     assert (estimator.name, estimator.metric) == ("tiny-hf", False)
     rgb = np.random.default_rng(0).integers(0, 255, (64, 48, 3)).astype(np.uint8)
@@ -34,7 +41,7 @@ def test_a_folder_is_an_estimator(model: Path) -> None:
 
 
 def test_a_metric_model_gives_one_over_metres(tmp_path: Path) -> None:
-    estimator = estimator_named(str(write_model(tmp_path, kind="metric")), device="cpu")
+    estimator = create_estimator(str(write_model(tmp_path, kind="metric")), device="cpu")
     assert estimator.metric
     disparity = estimator(np.zeros((48, 64, 3), np.uint8))
     assert disparity.min() >= 1 / 20 - 1e-6
@@ -61,10 +68,10 @@ def test_colours_are_normalised() -> None:
 def test_a_missing_model_is_said_with_what_to_put_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path))
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
-    with pytest.raises(WeightsError) as caught:
-        estimator_named("someone/some-depth-hf")
+    with pytest.raises(CheckpointError) as caught:
+        create_estimator("someone/some-depth-hf")
     assert "downloads nothing" in str(caught.value)
     assert f"into {tmp_path / 'some-depth-hf'}" in str(caught.value)
 
@@ -73,15 +80,15 @@ def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     write_model(tmp_path)
     weights = tmp_path / "model.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
-    with pytest.raises(WeightsError, match="cannot be read"):
-        estimator_named(str(tmp_path), device="cpu")
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        create_estimator(str(tmp_path), device="cpu")
 
 
 def test_a_pickle_in_place_of_safetensors_is_not_opened(tmp_path: Path) -> None:
     write_model(tmp_path)
     (tmp_path / "model.safetensors").rename(tmp_path / "pytorch_model.bin")
-    with pytest.raises(WeightsError, match="cannot be read"):
-        estimator_named(str(tmp_path), device="cpu")
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        create_estimator(str(tmp_path), device="cpu")
 
 
 def test_the_hub_s_cache_is_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,13 +99,13 @@ def test_the_hub_s_cache_is_looked_into(tmp_path: Path, monkeypatch: pytest.Monk
     assert depth_model_folder("someone/some-depth-hf", tmp_path / "none") == snapshot
 
 
-def test_the_folder_of_weights_can_be_chosen() -> None:
-    assert weights_folder({"PEAKING_WEIGHTS": "/w"}) == Path("/w")
-    assert weights_folder({"XDG_DATA_HOME": "/d"}) == Path("/d/peaking/weights")
+def test_the_folder_of_checkpoints_can_be_chosen() -> None:
+    assert checkpoints_folder({"PEAKING_CHECKPOINTS": "/w"}) == Path("/w")
+    assert checkpoints_folder({"XDG_DATA_HOME": "/d"}) == Path("/d/peaking/checkpoints")
 
 
 def test_hashes_that_were_published_are_compared(tmp_path: Path) -> None:
-    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    known = KnownCheckpoint("n/model", "model/model.safetensors", "", "", "")
     assert state_of(known, tmp_path) == "missing"
     file = tmp_path / known.file
     file.parent.mkdir()
@@ -124,7 +131,7 @@ def test_a_cached_file_is_named_by_its_hash(
     blob.write_bytes(b"weights")
     (snapshot / "model.safetensors").symlink_to(blob)
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
-    known = KnownWeights("n/model", "model/model.safetensors", "", "", "")
+    known = KnownCheckpoint("n/model", "model/model.safetensors", "", "", "")
     assert state_of(known, tmp_path / "none") == "ok"
     blob.write_bytes(b"other")
     assert state_of(known, tmp_path / "none") == "wrong"

@@ -13,8 +13,9 @@ import pytest
 from jaxtyping import Float32, UInt8
 
 from depth_models import write_model
-from peaking.depth.estimator import DepthRuntime, estimator_named
+from peaking.depth.registry import create_estimator
 from peaking.errors import BackendUnavailable
+from peaking.options import DepthRuntime
 
 TOLERANCE = {"openvino": 1e-5, "openvino-bf16": 0.05}
 """Worst difference, by the range of what PyTorch says. Measured (OpenVINO 2026.4.1, a processor
@@ -27,7 +28,7 @@ needs_openvino = pytest.mark.skipif(
 
 @pytest.fixture
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("PEAKING_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.setenv("PEAKING_CHECKPOINTS", str(tmp_path / "weights"))
     return write_model(tmp_path / "model")
 
 
@@ -37,7 +38,7 @@ def picture(width_px: int = 64, height_px: int = 48) -> UInt8[np.ndarray, "h w 3
 
 
 def said(model: Path, runtime: DepthRuntime, **size: int) -> Float32[np.ndarray, "h w"]:
-    return estimator_named(str(model), runtime=runtime)(picture(**size))
+    return create_estimator(str(model), runtime=runtime)(picture(**size))
 
 
 @needs_openvino
@@ -92,9 +93,9 @@ def test_where_openvino_is_missing_it_says_what_to_install(
     missing: Any = None
     monkeypatch.setitem(sys.modules, "openvino", missing)
     with pytest.raises(BackendUnavailable, match=r"pip install 'peaking\[openvino\]'"):
-        estimator_named(str(model), runtime="openvino")
+        create_estimator(str(model), runtime="openvino")
 
 
 def test_it_is_not_for_cuda(model: Path) -> None:
     with pytest.raises(BackendUnavailable, match="leave out --device cuda"):
-        estimator_named(str(model), device="cuda", runtime="openvino")
+        create_estimator(str(model), device="cuda", runtime="openvino")

@@ -11,7 +11,7 @@ from adampi_checkpoints import write_checkpoint
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from full_disks import any_full_disk
 from live_server import LiveServer
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 
 
 def only_session(sessions: Path) -> Path:

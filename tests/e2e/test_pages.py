@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
 
 from e2e.virtual_phone_page import PATIENCE_MS, VirtualPhonePage, keep_picture, moved
 from live_server import LiveServer
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 
 SIZES = {
     "wide": ViewportSize(width=1280, height=860),

@@ -21,8 +21,8 @@ from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.guidance import PlenopticBound
 from peaking.guidance.viewing import Viewing, extended_bound
 from peaking.mpi import Mpi
-from peaking.render import Backend, render
-from peaking.render.blend import blend
+from peaking.rendering import Backend, render
+from peaking.rendering.blend import blend
 
 WIDTH_PX, HEIGHT_PX = 420, 12
 """The upper half is the near surface, the lower half the far one."""

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from metric_pairs import metric_pairs
-from peaking.evaluate.lpips import METRICS, _heads_file, _load, _Network
+from peaking.metrics.lpips import METRICS, _heads_file, _load, _Network
 from random_weights import random_weights
 
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from peaking.cli import main
-from peaking.datasets.nerfstudio import Recording, open_recording
+from peaking.datasets import Recording, open_recording
 from peaking.errors import RecordingError
-from peaking.presets import DEFAULT
-from peaking.replay.guided import GuideChoice, guided_walk
+from peaking.options import DEFAULT
+from peaking.replay.guided import GuideOptions, guided_walk
 from recordings import write_recording
 
 OPTIONS = replace(DEFAULT, pixels=160 * 120, num_planes=16)
 """f = 144 px and the box is 1 m away: Δu = 16 / 144 = 11.1 cm."""
 
-GRID = GuideChoice(kind="plenoptic", area_side_m=0.3, near_m=0.005)
+GRID = GuideOptions(kind="plenoptic", area_side_m=0.3, near_m=0.005)
 """Three views a side, 10 cm apart: the middle row lies on the path, two frames apart."""
 
 
@@ -66,10 +66,10 @@ def test_the_command_writes_what_was_reached(
     room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    arguments = ["--guide", "plenoptic", "--area", "0.3", "--near", "0.005", "--no-video"]
+    arguments = ["--guide", "plenoptic", "--area-m", "0.3", "--near-m", "0.005", "--no-video"]
     arguments += ["--pixels", "19200", "--num-planes", "16"]
     main(["replay", str(room), "--out", str(out), *arguments])
-    assert "3 of 9 targets are on the recorded path" in capsys.readouterr().out
+    assert "the recorded path reaches 3 of 9 targets" in capsys.readouterr().out
     summary = json.loads((out / "summary.json").read_text())
     assert summary["captured_indices"] == [3, 5, 7]
     assert summary["guide"]["kind"] == "plenoptic"
@@ -84,11 +84,11 @@ def test_what_cannot_be_guided_is_refused(room: Path, tmp_path: Path) -> None:
     blind = write_recording(tmp_path / "blind", with_depth=False)
     with pytest.raises(RecordingError, match="without --guide"):
         guided_walk(walked(blind), GRID, num_frames=4, options=OPTIONS)
-    with pytest.raises(RecordingError, match="smaller --area"):
+    with pytest.raises(RecordingError, match="smaller --area-m"):
         guided_walk(walked(room), replace(GRID, area_side_m=100.0), num_frames=11, options=OPTIONS)
     # Four views a side: none of them lies on the path.
     even = replace(GRID, area_side_m=0.4)
-    with pytest.raises(RecordingError, match="larger --near"):
+    with pytest.raises(RecordingError, match="larger --near-m"):
         guided_walk(walked(room), even, num_frames=11, options=OPTIONS)
     with pytest.raises(ValueError, match="need area > 0"):
         replace(GRID, area_side_m=0.0)

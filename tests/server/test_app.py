@@ -12,7 +12,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.mpi_file import decode
 from peaking.server import wire
 from peaking.server.app import ServerConfig, create_app

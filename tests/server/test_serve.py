@@ -106,10 +106,10 @@ def test_the_demo_refuses_to_be_seen_by_others(tmp_path: Path) -> None:
 
 
 def test_a_taken_port_is_passed_over(tmp_path: Path) -> None:
-    one, said_one = run(["demo", "--no-open", "--port", "0"], tmp_path, "capture page")
+    one, said_one = run(["demo", "--no-open", "--port", "0"], tmp_path, "Capture page")
     port = re.search(r"localhost:(\d+)", said_one)
     assert port
-    two, said_two = run(["demo", "--no-open", "--port", port[1]], tmp_path, "capture page")
+    two, said_two = run(["demo", "--no-open", "--port", port[1]], tmp_path, "Capture page")
     end(one)
     end(two)
     other = re.search(r"localhost:(\d+)", said_two)

@@ -25,7 +25,7 @@ from capture_uploads import (
     upload,
     upload_without_depth,
 )
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.errors import RecordingError
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from peaking.presets import DEFAULT
+from peaking.options import DEFAULT
 from peaking.server import wire
 from peaking.server.app import ServerConfig
 from peaking.server.study import wire as study_wire

@@ -25,15 +25,15 @@ from capture_uploads import (
     upload,
     upload_without_depth,
 )
-from peaking.errors import PeakingError, WeightsError
+from peaking.errors import CheckpointError, PeakingError
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
-from peaking.pipeline import LocalLightField
-from peaking.presets import DEFAULT, Options
+from peaking.options import DEFAULT, Options
 from peaking.server import generation
 from peaking.server.app import ServerConfig, create_app
 from peaking.server.session_log import MpiMade, SessionLog
 from peaking.server.sessions import SessionStore
+from peaking.view_builder import ViewBuilder
 
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
 
@@ -112,14 +112,14 @@ def test_learned_mpis_that_were_not_made_yet_are_made_at_the_next_start(
 def test_where_the_learned_one_fails_the_first_stays_and_it_is_said(
     tmp_path: Path, learned: Options, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    captured = LocalLightField.captured
+    build = ViewBuilder.build
 
-    def fails(field: LocalLightField, *given: Any) -> Any:
-        if field.options.generator == "adampi":
+    def fails(builder: ViewBuilder, *given: Any) -> Any:
+        if builder.options.generator == "adampi":
             raise PeakingError("the graphics card has no room")
-        return captured(field, *given)
+        return build(builder, *given)
 
-    monkeypatch.setattr(LocalLightField, "captured", fails)
+    monkeypatch.setattr(ViewBuilder, "build", fails)
     with client_of(tmp_path, learned) as client:
         client.put(SESSION, json=new_session())
         client.put(capture_path(1), content=upload(1))
@@ -130,7 +130,7 @@ def test_where_the_learned_one_fails_the_first_stays_and_it_is_said(
 
 def test_a_server_without_its_weights_does_not_start(tmp_path: Path) -> None:
     options = replace(DEFAULT, generator="adampi", checkpoint=tmp_path / "none.pth")
-    with pytest.raises(WeightsError, match=r"none\.pth"):
+    with pytest.raises(CheckpointError, match=r"none\.pth"):
         client_of(tmp_path, options)
 
 
@@ -153,7 +153,7 @@ def estimating(monkeypatch: pytest.MonkeyPatch) -> Options:
         assert (model, device, runtime) == ("wall-with-box", "auto", "pytorch")
         return WallWithBox()
 
-    monkeypatch.setattr(generation, "estimator_named", wall_with_box)
+    monkeypatch.setattr(generation, "create_estimator", wall_with_box)
     return replace(DEFAULT, depth_model="wall-with-box")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-import peaking.splat.colmap
+import peaking.poses.colmap
 from peaking.cli import main
 from peaking.errors import BackendUnavailable
 from peaking.splat.ply import read_ply
@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_file(room: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--out", "x.splat"], "need the name of a .ply file"),
+        (["--out", "x.splat"], "need a file name ending in .ply"),
         (["--out", "x.ply", "--hold-out", "1"], "--hold-out 0 or at least 2"),
         (["--out", "x.ply", "--views", "2"], "--views of at least 3"),
         (["--out", "x.ply", "--iterations", "0"], "iterations"),
@@ -105,7 +105,7 @@ def test_a_scene_without_depth_or_movement_is_refused(
             frame["transform_matrix"][row][3] = 0.0
     (scene / "transforms.json").write_text(json.dumps(fields), encoding="utf-8")
     said = fails([str(scene), "--out", str(tmp_path / "x.ply"), *QUICK], capsys)
-    assert "has no depth, and no surface is seen alike from two places" in said
+    assert "has no depth, and no surface could be matched between two pictures" in said
     assert not (tmp_path / "x.ply").exists()
 
 
@@ -116,9 +116,9 @@ def test_what_is_not_installed_is_named(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def missing() -> None:
-        raise BackendUnavailable(f"pycolmap is not installed: {peaking.splat.colmap.INSTALL}")
+        raise BackendUnavailable(f"pycolmap is not installed: {peaking.poses.colmap.INSTALL}")
 
-    monkeypatch.setattr(peaking.splat.colmap, "_imported", missing)
+    monkeypatch.setattr(peaking.poses.colmap, "_imported", missing)
     out = str(tmp_path / "x.ply")
     said = fails([str(room), "--out", out, "--cameras", "colmap"], capsys)
     assert "peaking[colmap]" in said

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from peaking.splat.columns import NUM_COLUMNS, QUATS
 from peaking.splat.errors import SplatFileError
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import encode_ply, read_ply, write_ply
@@ -16,18 +17,17 @@ from splat.scenes_of_gaussians import cloud
 @pytest.mark.parametrize("sh_degree", (0, 1))
 def test_what_is_written_is_read(tmp_path: Path, sh_degree: int) -> None:
     rows = cloud(17, sh_degree=sh_degree).astype(np.float32)
-    write_ply(tmp_path / "a.ply", Gaussians.unpacked(rows))
-    read = read_ply(tmp_path / "a.ply").packed()
-    rows[:, 6:10] /= np.linalg.norm(rows[:, 6:10], axis=1, keepdims=True)
-    np.testing.assert_allclose(read[:, 6:10], rows[:, 6:10], atol=1e-7)
-    rest = [column for column in range(rows.shape[1]) if not 6 <= column < 10]
-    np.testing.assert_array_equal(read[:, rest], rows[:, rest])
+    write_ply(tmp_path / "a.ply", Gaussians.from_parameters(rows))
+    read = read_ply(tmp_path / "a.ply").parameters()
+    rows[:, QUATS] /= np.linalg.norm(rows[:, QUATS], axis=1, keepdims=True)
+    np.testing.assert_allclose(read[:, QUATS], rows[:, QUATS], atol=1e-7)
+    np.testing.assert_array_equal(np.delete(read, QUATS, axis=1), np.delete(rows, QUATS, axis=1))
 
 
 def test_properties_and_their_order() -> None:
-    rows = np.zeros((1, 23), np.float32)
-    rows[0] = np.arange(23)
-    head, _, body = encode_ply(Gaussians.unpacked(rows)).partition(b"end_header\n")
+    rows = np.zeros((1, NUM_COLUMNS[1]), np.float32)
+    rows[0] = np.arange(NUM_COLUMNS[1])
+    head, _, body = encode_ply(Gaussians.from_parameters(rows)).partition(b"end_header\n")
     lines = head.decode().splitlines()
     assert lines[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 1"]
     names = [line.removeprefix("property float ") for line in lines[3:]]
@@ -74,7 +74,7 @@ def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> N
 
 
 def test_cut_off_and_missing_files_are_refused(tmp_path: Path) -> None:
-    data = encode_ply(Gaussians.unpacked(cloud(3).astype(np.float32)))
+    data = encode_ply(Gaussians.from_parameters(cloud(3).astype(np.float32)))
     (tmp_path / "a.ply").write_bytes(data[:-1])
     with pytest.raises(SplatFileError, match="bytes of data"):
         read_ply(tmp_path / "a.ply")
@@ -86,4 +86,4 @@ def test_not_finite_parameters_are_refused() -> None:
     rows = cloud(3).astype(np.float32)
     rows[1, 4] = np.nan
     with pytest.raises(ValueError, match="finite log_scales"):
-        Gaussians.unpacked(rows)
+        Gaussians.from_parameters(rows)

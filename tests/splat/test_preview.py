@@ -17,7 +17,7 @@ def test_photograph_view_and_depth_side_by_side() -> None:
     photo = np.full((30, 41, 3), 77, np.uint8)
     near, far = one(depth_m=1.0, opacity=0.9), one(depth_m=2.0, opacity=0.9)
     near[0, 0], far[0, 0] = -0.1, 0.2
-    gaussians = Gaussians.unpacked(np.concatenate([near, far]).astype(np.float32))
+    gaussians = Gaussians.from_parameters(np.concatenate([near, far]).astype(np.float32))
     picture = preview(gaussians, [Frame("a", photo, camera)] * 2)
     assert picture.shape == (2 * 30 + GAP_PX, 3 * 41 + 2 * GAP_PX, 3)
     assert (picture[:30, :41] == 77).all()
@@ -32,4 +32,4 @@ def test_photograph_view_and_depth_side_by_side() -> None:
 
 def test_nothing_to_show_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one frame"):
-        preview(Gaussians.unpacked(one().astype(np.float32)), [])
+        preview(Gaussians.from_parameters(one().astype(np.float32)), [])

@@ -8,18 +8,19 @@ import numba
 import numpy as np
 import pytest
 
-from peaking.evaluate.metrics import psnr
 from peaking.frame import Frame
 from peaking.geometry import Pinhole
+from peaking.metrics.psnr_ssim import psnr
+from peaking.splat.columns import MEANS
 from peaking.splat.gaussians import Gaussians
+from peaking.splat.initial_points import initial_points
 from peaking.splat.loss import loss_and_gradient, ssim_and_gradient
 from peaking.splat.options import SplatOptions
 from peaking.splat.rasterise import render
-from peaking.splat.seeds import seed_points
-from peaking.splat.train import Step, Trainer, train
+from peaking.splat.train import Trainer, TrainingStep, train
 from recordings import Room, lateral_cameras
 
-SHORT = SplatOptions(iterations=120, seed_count=1500, densify_every=30, max_count=4000)
+SHORT = SplatOptions(iterations=120, max_init_points=1500, refine_every=30, max_gaussians=4000)
 
 
 def frames(count: int = 7, *, with_depth: bool = True) -> list[Frame]:
@@ -56,25 +57,25 @@ def test_ssim_gradient_against_finite_differences() -> None:
 
 
 @pytest.mark.parametrize("with_depth", (True, False))
-def test_seed_points_lie_on_surfaces(with_depth: bool) -> None:
+def test_initial_points_lie_on_surfaces(with_depth: bool) -> None:
     """The wall is at z = 2, the box's front at z = 1; without depth some are wrong."""
-    points = seed_points(frames(with_depth=with_depth), 800, np.random.default_rng(0))
+    points = initial_points(frames(with_depth=with_depth), 800, np.random.default_rng(0))
     assert 300 <= len(points) <= 800
-    z_m = points.places_m[:, 2]
+    z_m = points.xyz_m[:, 2]
     off_m = np.minimum(np.abs(z_m - 2.0), np.abs(z_m - 1.0))
     assert np.quantile(off_m, 0.9 if with_depth else 0.5) < (0.02 if with_depth else 0.25)
 
 
 def test_one_view_without_depth_still_has_points() -> None:
-    points = seed_points(frames(1, with_depth=False), 300, np.random.default_rng(0))
+    points = initial_points(frames(1, with_depth=False), 300, np.random.default_rng(0))
     assert 0 < len(points) <= 300
-    assert np.isfinite(points.places_m).all()
+    assert np.isfinite(points.xyz_m).all()
 
 
 def test_a_short_training_learns_and_repeats_with_any_number_of_threads() -> None:
     all_frames = frames()
     held_out = all_frames.pop(3)
-    steps: list[Step] = []
+    steps: list[TrainingStep] = []
     first = train(all_frames, SHORT, progress=steps.append)
     assert [step.iteration for step in steps] == list(range(1, 121))
     early = np.mean([step.loss for step in steps[50:70]])
@@ -87,7 +88,7 @@ def test_a_short_training_learns_and_repeats_with_any_number_of_threads() -> Non
         second = train(all_frames, SHORT)
     finally:
         numba.set_num_threads(usual)
-    np.testing.assert_array_equal(first.packed(), second.packed())
+    np.testing.assert_array_equal(first.parameters(), second.parameters())
 
 
 def test_training_without_depth_and_with_views_of_different_sizes() -> None:
@@ -99,12 +100,12 @@ def test_training_without_depth_and_with_views_of_different_sizes() -> None:
     before = Trainer(mixed, SHORT).gaussians()
     after = train(mixed, SHORT)
     assert quality(after, mixed[2]) > quality(before, mixed[2]) + 5.0
-    assert len(after) <= SHORT.max_count
+    assert len(after) <= SHORT.max_gaussians
 
 
-def test_a_gaussian_that_broke_is_dropped() -> None:
+def test_a_broken_gaussian_is_left_out() -> None:
     trainer = Trainer(frames(3), SHORT)
-    trainer._optimiser.moments().parameters[0, :3] = np.nan
+    trainer._optimiser.state().parameters[0, MEANS] = np.nan
     assert len(trainer.gaussians()) == trainer.step().num_gaussians - 1
 
 

@@ -116,7 +116,7 @@ def test_a_translation_is_a_file_to_write_over(
     assert texts.form("sus").item("q2").text.startswith("I found")
     assert [c.text for c in texts.form("demographics").item("hand").choices][1] == "Links"
     assert texts.task("capture") == "Nimm auf."
-    assert "is there already" in refused(capsys, "init", str(folder), "--language", "de")
+    assert "exists already" in refused(capsys, "init", str(folder), "--language", "de")
     assert "need a --language" in refused(capsys, "init", str(folder), "--language", "../x")
 
 

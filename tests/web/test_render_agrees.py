@@ -16,16 +16,16 @@ import pytest
 from playwright.sync_api import Page
 
 from live_server import chromium
-from peaking.datasets.nerfstudio import open_recording
-from peaking.error_map import Comparison, compare
+from peaking.datasets import open_recording
+from peaking.error_map import compare
 from peaking.geometry import Camera, Rigid
 from peaking.mpi_file import encode
-from peaking.nearest import Neighbour, nearest_by_distance, nearest_by_overlap
-from peaking.pipeline import LocalLightField
-from peaking.presets import PRESETS, Options
-from peaking.render import render
-from peaking.render.blend import blend
+from peaking.options import PRESETS, Options
+from peaking.pipeline import Reconstruction
+from peaking.rendering import render
+from peaking.rendering.blend import blend
 from peaking.server.recordings import wire_of_camera
+from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 
 ROOT = Path(__file__).parents[2]
 SIZE = (102, 222)
@@ -71,10 +71,10 @@ def page() -> Generator[Page, None, None]:
 
 
 @pytest.fixture(scope="module")
-def scene() -> tuple[LocalLightField, Any]:
+def scene() -> tuple[Reconstruction, Any]:
     """Three views of the desk, and a frame between them."""
     recording = open_recording(ROOT / "scenes" / "desk")
-    field = LocalLightField(replace(PRESETS["default"], pixels=PIXELS))
+    field = Reconstruction(replace(PRESETS["default"], pixels=PIXELS))
     for index in (0, 8, 20):
         field.add_view(recording.read(index))
     return field, field.prepare(recording.read(12))
@@ -89,7 +89,7 @@ def base64_of(data: bytes) -> str:
 
 
 def in_the_browser(
-    page: Page, field: LocalLightField, live: Any, options: Options, overlay: str
+    page: Page, field: Reconstruction, live: Any, options: Options, overlay: str
 ) -> dict[str, Any]:
     alpha = np.full((*live.rgb.shape[:2], 1), 255, np.uint8)
     rgba = np.concatenate([live.rgb, alpha], axis=-1)[::-1]
@@ -97,7 +97,7 @@ def in_the_browser(
         "pixels",
         "num_planes",
         "neighbours",
-        "weights",
+        "blend_weights",
         "opacity",
         "error_threshold",
         "shift_px",
@@ -108,7 +108,7 @@ def in_the_browser(
         {
             "mpis": [
                 {"camera": wire(mpi.camera), "file": base64_of(encode(mpi, codec="lossless"))}
-                for mpi in field.views
+                for mpi in field.light_field.mpis
             ],
             "camera": wire(live.camera),
             "live": base64_of(np.ascontiguousarray(rgba).tobytes()),
@@ -129,18 +129,20 @@ def in_the_browser(
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_view_and_peaks_agree(page: Page, scene: tuple[LocalLightField, Any], preset: Any) -> None:
+def test_view_and_peaks_agree(page: Page, scene: tuple[Reconstruction, Any], preset: Any) -> None:
     field, live = scene
     options = replace(PRESETS[preset], pixels=PIXELS)
     answer = in_the_browser(page, field, live, options, "peaks")
-    cameras = [mpi.camera for mpi in field.views]
-    if options.weights == "paper":
+    cameras = [mpi.camera for mpi in field.light_field.mpis]
+    if options.blend_weights == "paper":
         near = nearest_by_distance(cameras, live.camera, count=options.neighbours)
     else:
         closest = nearest_by_distance(cameras, live.camera, count=1)[0].index
-        depth_m = float(np.median(field.views[closest].plane_depths_m))
+        depth_m = float(np.median(field.light_field.mpis[closest].plane_depths_m))
         near = nearest_by_overlap(cameras, live.camera, depth_m, count=options.neighbours)
-    renderings = [render(field.views[n.index], live.camera, backend="numpy") for n in near]
+    renderings = [
+        render(field.light_field.mpis[n.index], live.camera, backend="numpy") for n in near
+    ]
     view = blend(
         np.stack([r.rgba for r in renderings]),
         np.stack([r.depth_m for r in renderings]),
@@ -148,8 +150,14 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[LocalLightField, Any], pr
         opacity=options.opacity,
         backend="numpy",
     )
-    comparison = Comparison(options.error_threshold, options.shift_px, options.compensate_exposure)
-    errors = compare(view, live.rgb, comparison, backend="numpy")
+    errors = compare(
+        view,
+        live.rgb,
+        threshold=options.error_threshold,
+        shift_px=options.shift_px,
+        compensate_exposure=options.compensate_exposure,
+        backend="numpy",
+    )
 
     assert answer["gl_error"] == 0
     assert answer["viewIds"] == [str(n.index) for n in near]
@@ -167,7 +175,7 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[LocalLightField, Any], pr
 
 
 def test_the_three_overlays_show_what_they_should(
-    page: Page, scene: tuple[LocalLightField, Any]
+    page: Page, scene: tuple[Reconstruction, Any]
 ) -> None:
     field, live = scene
     options = replace(PRESETS["default"], pixels=PIXELS)
@@ -183,7 +191,7 @@ def test_the_three_overlays_show_what_they_should(
     np.testing.assert_allclose(shown, (live.rgb / 255.0)[far_from_red], atol=1.5 / 255)
 
 
-def test_neighbours_agree(page: Page, scene: tuple[LocalLightField, Any]) -> None:
+def test_neighbours_agree(page: Page, scene: tuple[Reconstruction, Any]) -> None:
     random = np.random.default_rng(5)
     _, live = scene
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import re
 import subprocess
-from collections.abc import Generator
-from dataclasses import asdict, replace
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,20 @@ import pytest
 from playwright.sync_api import Page
 
 from live_server import chromium
-from peaking.datasets.nerfstudio import open_recording
+from peaking.datasets import open_recording
 from peaking.geometry import Camera, Rigid
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode, encode
-from peaking.pipeline import LocalLightField
-from peaking.presets import DEFAULT, Options
-from peaking.render import render
+from peaking.options import DEFAULT, Options
+from peaking.pipeline import Reconstruction
+from peaking.rendering import render
 from peaking.server.recordings import wire_of_camera
-from peaking.server.wire import Options as WireOptions
+from peaking.server.wire import options_for_clients
+from peaking.view_builder import ViewBuilder
 
 ROOT = Path(__file__).parents[2]
 SIZE = (102, 222)
+BLACK = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
 # Measured with SwiftShader, November 2026: see the comment beside each.
 COLOUR_MEAN = 0.7
 """Mean difference of a decoded JPEG's colour, 8-bit steps: browsers interpolate chroma. 0.47."""
@@ -78,9 +80,9 @@ def page() -> Generator[Page, None, None]:
 
 
 @pytest.fixture(scope="module")
-def field() -> LocalLightField:
+def field() -> Reconstruction:
     """One view of the desk."""
-    field = LocalLightField(OPTIONS)
+    field = Reconstruction(OPTIONS)
     field.add_view(open_recording(ROOT / "scenes" / "desk").read(0))
     return field
 
@@ -94,12 +96,13 @@ def pixels_of(text: str, width: int, height: int) -> np.ndarray:
     return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)[::-1]
 
 
-def scene_of(mpis: list[Mpi], camera: Camera, live: np.ndarray, options: Options) -> dict[str, Any]:
+def scene_of(
+    mpis: Sequence[Mpi], camera: Camera, live: np.ndarray, options: Options
+) -> dict[str, Any]:
     opaque = np.full((*live.shape[:2], 1), 255, np.uint8)
     rgba = np.ascontiguousarray(np.concatenate([live, opaque], axis=-1)[::-1])
-    names = WireOptions.__struct_fields__
     return {
-        "options": {name: asdict(options)[name] for name in names},
+        "options": msgspec.to_builtins(options_for_clients(options)),
         "camera": msgspec.to_builtins(wire_of_camera(camera)),
         "live": base64_of(rgba.tobytes()),
         "mpis": [
@@ -131,8 +134,8 @@ def whole(size: tuple[int, int]) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("codec", ["lossless", "jpeg"])
-def test_texels_are_those_of_python(page: Page, field: LocalLightField, codec: Any) -> None:
-    data = encode(field.views[0], codec=codec)
+def test_texels_are_those_of_python(page: Page, field: Reconstruction, codec: Any) -> None:
+    data = encode(field.light_field.mpis[0], codec=codec)
     answer = page.evaluate("file => core.decode(file, 1)", base64_of(data))
     atlas = np.frombuffer(base64.b64decode(answer["texels"]), np.uint8)
     rows = answer["height"] // 16
@@ -155,7 +158,7 @@ def test_the_live_picture_is_shrunk_as_python_does(page: Page, factor: float) ->
     width, height = (round(side * factor) for side in SIZE)
     big = cv2.resize(photo.rgb, (width, height), interpolation=cv2.INTER_CUBIC)
     camera = photo.camera.resized(width, height)
-    mpi = LocalLightField(OPTIONS).mpi_of(photo)
+    mpi = ViewBuilder(OPTIONS).generate(photo)
     scene = scene_of([mpi], camera, np.asarray(big, np.uint8), OPTIONS)
     answer = one_frame(page, scene, whole(SIZE), SIZE)
     assert (answer["width"], answer["height"]) == SIZE
@@ -170,15 +173,15 @@ def test_the_live_picture_is_shrunk_as_python_does(page: Page, factor: float) ->
     [(0.0, 0.0), (0.8, 0.0), (1.1, 50.0), (1.1, 120.0), (0.5, 180.0), (9.0, 0.0), (2.0, 90.0)],
 )
 def test_planes_are_drawn_from_before_them_only(
-    page: Page, field: LocalLightField, forward_m: float, turned_deg: float
+    page: Page, field: Reconstruction, forward_m: float, turned_deg: float
 ) -> None:
-    mpi = field.views[0]
+    mpi = field.light_field.mpis[0]
     c, s = np.cos(np.deg2rad(turned_deg)), np.sin(np.deg2rad(turned_deg))
     turn: Rigid[Any, Any] = Rigid(
         np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([0.02, 0.01, forward_m])
     )
     camera = Camera(mpi.camera.pinhole, mpi.camera.world_from_cam @ turn)
-    scene = scene_of([mpi], camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS)
+    scene = scene_of([mpi], camera, BLACK, OPTIONS)
     answer = one_frame(page, scene, whole(SIZE), SIZE)
     python = render(mpi, camera, backend="numpy").rgba
     away = np.abs(answer["view"] / 255.0 - python)
@@ -186,9 +189,9 @@ def test_planes_are_drawn_from_before_them_only(
     assert (away.max(axis=-1) > 8 / 255).mean() <= VIEW_WRONG
 
 
-def test_only_the_viewport_is_drawn_into(page: Page, field: LocalLightField) -> None:
-    camera = field.views[0].camera
-    scene = scene_of(field.views, camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS)
+def test_only_the_viewport_is_drawn_into(page: Page, field: Reconstruction) -> None:
+    camera = field.light_field.mpis[0].camera
+    scene = scene_of(field.light_field.mpis, camera, BLACK, OPTIONS)
     viewport = {"x": 20, "y": 30, "width": 51, "height": 111}
     display = one_frame(page, scene, viewport, (100, 200))["display"]
     inside = np.zeros((200, 100), bool)
@@ -198,10 +201,10 @@ def test_only_the_viewport_is_drawn_into(page: Page, field: LocalLightField) -> 
     assert not green[inside].any()
 
 
-def test_what_did_not_change_is_not_computed_again(page: Page, field: LocalLightField) -> None:
-    camera = field.views[0].camera
+def test_what_did_not_change_is_not_computed_again(page: Page, field: Reconstruction) -> None:
+    camera = field.light_field.mpis[0].camera
     dark, bright = (np.full((SIZE[1], SIZE[0], 3), v, np.uint8) for v in (0, 200))
-    scene = scene_of(field.views, camera, dark, OPTIONS)
+    scene = scene_of(field.light_field.mpis, camera, dark, OPTIONS)
     other = scene_of([], camera, bright, OPTIONS)["live"]
     frames = page.evaluate("([scene, other]) => core.stillFrames(scene, other)", [scene, other])
     assert all(frame["same"] for frame in frames)
@@ -219,21 +222,27 @@ def changes(shown: list[bool]) -> int:
 @pytest.mark.parametrize("frame_ms", [8.0, 16.7, 33.3, 100.0, 250.0])
 @pytest.mark.parametrize("half_period", [1, 2, 5])
 def test_nothing_flashes(
-    page: Page, field: LocalLightField, frame_ms: float, half_period: int
+    page: Page, field: Reconstruction, frame_ms: float, half_period: int
 ) -> None:
     seconds = 3.0
     frames = int(seconds * 1000 / frame_ms)
     wrong = [(i // half_period) % 2 == 0 for i in range(frames)]
     scene = scene_of(
-        field.views, field.views[0].camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS
+        field.light_field.mpis,
+        field.light_field.mpis[0].camera,
+        BLACK,
+        OPTIONS,
     )
     shown = page.evaluate("([s, w, ms]) => core.flicker(s, w, ms)", [scene, wrong, frame_ms])
     assert changes(shown) / 2 / seconds < FLASHES_PER_S
 
 
-def test_what_stays_wrong_is_shown_soon_and_goes_soon(page: Page, field: LocalLightField) -> None:
+def test_what_stays_wrong_is_shown_soon_and_goes_soon(page: Page, field: Reconstruction) -> None:
     scene = scene_of(
-        field.views, field.views[0].camera, np.zeros((SIZE[1], SIZE[0], 3), np.uint8), OPTIONS
+        field.light_field.mpis,
+        field.light_field.mpis[0].camera,
+        BLACK,
+        OPTIONS,
     )
     wrong = [False] * 10 + [True] * 30 + [False] * 30
     shown = page.evaluate("([s, w, ms]) => core.flicker(s, w, ms)", [scene, wrong, 33.3])

@@ -1,5 +1,5 @@
 /**
- * Which captured views to render from, and how much each counts; twin of src/peaking/nearest.py.
+ * Which captured views to render from, and how much each counts; twin of src/peaking/view_weights.py.
  * Asked at every frame, so nothing is made here but once.
  */
 

@@ -117,17 +117,18 @@ export interface PeakedSamples {
   readonly samples: readonly PeakedSample[];
 }
 
-/** How a client renders and compares; the fields are those of `peaking.presets.Options`. */
+/** How a client renders and compares; the fields are those of `peaking.options.Options` without those that say how the server computes. */
 export interface Options {
   readonly pixels: number;
+  readonly generator: 'adampi' | 'layered';
   readonly num_planes: number;
+  readonly align: 'off' | 'paper' | 'robust';
   readonly neighbours: number;
-  readonly weights: 'overlap' | 'paper';
+  readonly blend_weights: 'overlap' | 'paper';
   readonly opacity: 'paper' | 'seen';
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
-  readonly generator: string;
   readonly depth_model?: string | null;
 }
 
@@ -256,14 +257,15 @@ export const peakedSamplesSchema: Schema<PeakedSamples> = /* @__PURE__ */ record
 
 export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
   pixels: integer(),
+  generator: oneOf('adampi', 'layered'),
   num_planes: integer(),
+  align: oneOf('off', 'paper', 'robust'),
   neighbours: integer(1, 8),
-  weights: oneOf('overlap', 'paper'),
+  blend_weights: oneOf('overlap', 'paper'),
   opacity: oneOf('paper', 'seen'),
   error_threshold: number(),
   shift_px: integer(),
   compensate_exposure: flag,
-  generator: text,
   depth_model: optional(nullable(text)),
 });
 

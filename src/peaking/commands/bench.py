@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +11,10 @@ import tyro
 
 @dataclass(frozen=True)
 class Bench:
-    """Time the stages at 294×639×32 on real frames, in turn with their peers.
+    """Time each stage at 294×639 pixels and 32 planes on recorded frames, beside its peers.
 
-    Figures are medians after a warm-up. `vs` gives a peer's median divided by ours, so 12 means 12
-    times faster; `bandwidth_floor` is the time to read and write the memory once, divided by ours.
+    All candidates take turns; figures are medians after a warm-up. "Times faster than" is a peer's
+    median divided by ours; `bandwidth_floor` stands for reading and writing the memory once.
 
     Examples:
       peaking bench
@@ -24,23 +23,26 @@ class Bench:
     """
 
     scenes: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings with depth to take frames from; without any, the sample scene."""
+    """Recordings with depth to take frames from; default: the sample scene scenes/desk."""
     json: Path | None = None
-    """Write the results to this file."""
+    """Also write the results to this file, as JSON."""
     rounds: int = 54
-    """How often each stage is timed."""
+    """Times that each stage is run."""
     no_peers: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Leave out the peers that need PyTorch and transformers (the extra `torch`)."""
+    """Do not time the peers, which need PyTorch and transformers (extra `torch`)."""
 
     def run(self) -> None:
         """Measure, print a table, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.stages import run
+        from peaking.benchmarks.stages import run
+        from peaking.commands.arguments import ArgumentError
+        from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
-        from peaking.output import write_atomically
+        from peaking.datasets import open_recording
 
+        if self.rounds < 1:
+            raise ArgumentError(f"need --rounds of at least 1, got {self.rounds}")
         recordings = [open_recording(scene) for scene in scenes_or_sample(self.scenes)]
         document = run(
             recordings,
@@ -48,9 +50,7 @@ class Bench:
             with_peers=not self.no_peers,
             progress=lambda turns: tqdm(turns, desc="bench", unit="round"),
         )
-        text = json.dumps(document, indent=2) + "\n"
-        if self.json is not None:
-            write_atomically(self.json, text.encode())
+        write_results(self, document)
         print(table(document))
 
 

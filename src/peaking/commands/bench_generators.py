@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class BenchGenerators:
-    """Time AdaMPI at 384×640×32 (the paper's 294×639, padded), with drawn weights.
+    """Time AdaMPI at 384×640 pixels (the paper's 294×639, padded) and 32 planes.
 
-    On the processor, against the same network as a plain module; and on CUDA where there is one.
-    Needs PyTorch.
+    On the CPU, our implementation beside the same network as a plain PyTorch module; on a GPU too,
+    if there is one. The weights are random. Needs PyTorch.
 
     Examples:
       peaking bench generators
@@ -21,27 +20,27 @@ class BenchGenerators:
     """
 
     json: Path | None = None
-    """Write the results to this file."""
+    """Also write the results to this file, as JSON."""
     rounds: int = 2
-    """How often each way is timed, in turn; one takes up to a minute and a half."""
+    """Times that each way is run; one round takes up to a minute and a half."""
 
     def run(self) -> None:
         """Measure, print a table, write the file."""
         from tqdm import tqdm
 
+        from peaking.commands.arguments import ArgumentError
+        from peaking.commands.results import write_results
         from peaking.errors import BackendUnavailable
-        from peaking.output import write_atomically
 
         if self.rounds < 1:
-            raise ValueError(f"need --rounds >= 1, got {self.rounds}")
+            raise ArgumentError(f"need --rounds of at least 1, got {self.rounds}")
         try:
-            from peaking.bench.generators import run
+            from peaking.benchmarks.generators import run
 
             document = run(rounds=self.rounds, progress=lambda ways: tqdm(ways, desc="bench"))
         except ImportError as error:
             raise BackendUnavailable(f"{error}; pip install 'peaking[torch]'") from error
-        if self.json is not None:
-            write_atomically(self.json, (json.dumps(document, indent=2) + "\n").encode())
+        write_results(self, document)
         print(table(document))
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
 
 @dataclass(frozen=True)
 class BenchLive:
-    """Time the live loop: a real server, real bytes over loopback, the client in Chromium.
+    """Time live capture: a real server on this machine, simulated phones, the client in a browser.
 
-    One phone (latencies), one long session, 20 phones at once, and the virtual phone in a headless
-    browser (playwright and a Chromium are needed for that).
+    Measures the latencies of one phone, a session of 300 views, 20 phones at once, and the virtual
+    phone in a headless browser (which needs playwright and a Chromium).
 
     Examples:
       peaking bench live
@@ -24,26 +24,29 @@ class BenchLive:
     """
 
     scenes: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings with depth to take frames from; without any, the sample scene."""
+    """Recordings with depth to take frames from; default: the sample scene scenes/desk."""
     json: Path | None = None
-    """Write the results to this file."""
+    """Also write the results to this file, as JSON."""
     captures: int = 60
-    """Captures of the one phone."""
+    """Captures of the single phone."""
     phones_for_s: float = 60.0
-    """How long the 20 phones keep shooting, seconds."""
+    """Seconds for which the 20 phones take pictures."""
     no_browser: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Leave the browser out."""
+    """Do not time the client in a browser."""
 
     def run(self) -> None:
         """Measure, print, write the file."""
         from tqdm import tqdm
 
-        from peaking.bench.live import LivePlan, run
+        from peaking.benchmarks.live import LiveOptions, run
+        from peaking.commands.arguments import ArgumentError
+        from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets.nerfstudio import open_recording
-        from peaking.output import write_atomically
+        from peaking.datasets import open_recording
 
-        plan = LivePlan(
+        if self.captures < 1 or not 2 <= self.phones_for_s < float("inf"):
+            raise ArgumentError("need --captures of at least 1 and --phones-for-s of at least 2")
+        plan = LiveOptions(
             recordings=[open_recording(scene) for scene in scenes_or_sample(self.scenes)],
             captures=self.captures,
             phones_for_s=self.phones_for_s,
@@ -51,7 +54,19 @@ class BenchLive:
         )
         with tqdm(desc="bench live", bar_format="{desc} [{elapsed}]") as bar:
             document = run(plan, told=lambda text: bar.set_description(f"bench live: {text}"))
-        text = json.dumps(document, indent=2) + "\n"
-        if self.json is not None:
-            write_atomically(self.json, text.encode())
-        print(text, end="")
+        write_results(self, document)
+        print(table(document))
+
+
+def table(document: Mapping[str, Any]) -> str:
+    """Return the results as a markdown table."""
+    rows = [f"| {name} | {value} |" for name, value in _flat(document)]
+    return "\n".join(["| figure | value |", "|---|---:|", *rows])
+
+
+def _flat(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in document.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        elif value not in ([], None):
+            yield f"{prefix}{name}", value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +9,15 @@ from urllib.parse import quote
 
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 
 
 @dataclass(frozen=True)
 class Demo:
-    """Try the live capture without a phone: a drawn room, or a recording, is the camera.
+    """Try live capture without a phone: a virtual room, or a recording, takes the camera's place.
 
-    Starts the server on this machine alone and opens the browser.
+    Starts a server that only this machine can reach, and opens the browser.
 
     Examples:
       peaking demo
@@ -26,13 +26,13 @@ class Demo:
     """
 
     scene: Annotated[Path | None, tyro.conf.Positional] = None
-    """A recording to play as the camera; without one, the virtual phone in a drawn room."""
+    """A recording to play as the camera; default: a virtual phone in a virtual room."""
     sessions: Path = Path("sessions")
-    """Folder for what is captured; made when it is not there."""
+    """Folder of the sessions; created if it does not exist."""
     host: str = "127.0.0.1"
-    """Address to listen at; only addresses of this machine alone."""
+    """Address to listen on; a loopback address."""
     port: int = 8000
-    """Port, or the next free one; 0 takes any."""
+    """Port to listen on, or the next free one; 0: any free port."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
     method: MethodFlags = field(default_factory=MethodFlags)
@@ -42,16 +42,21 @@ class Demo:
         import ipaddress
         import webbrowser
 
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.commands.serving import check_port, say_skipped
+        from peaking.datasets import open_recording
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
         from peaking.server.run import CLIENT_DIR, bind, serve
 
+        check_port(self.port)
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host
-        if self.host != "localhost" and not ipaddress.ip_address(self.host).is_loopback:
-            raise ValueError(
-                f"need a --host of this machine alone, such as 127.0.0.1, got {self.host}; "
-                "for phones use: peaking serve"
+        with checked_arguments():
+            options = self.method.options()
+            loopback = self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
+        if not loopback:
+            raise ArgumentError(
+                f"need a loopback address such as 127.0.0.1 for --host, got {self.host}; "
+                "phones are served by: peaking serve"
             )
         recordings: dict[str, PlayedRecording] = {}
         query = "?source=virtual"
@@ -64,9 +69,9 @@ class Demo:
         address = f"http://{host}:{listener.getsockname()[1]}/"
 
         def started() -> None:
-            print(f"The capture page:  {address}{query if recordings else ''}")
-            print(f"All sessions:      {address}sessions")
-            print(f"What is captured:  {self.sessions.resolve()}")
+            print(f"Capture page:        {address}{query if recordings else ''}")
+            print(f"List of sessions:    {address}sessions")
+            print(f"Folder of sessions:  {self.sessions.resolve()}")
             print("Stop with Ctrl-C.", flush=True)
             if not self.no_open:
                 webbrowser.open(address + query)
@@ -77,9 +82,9 @@ class Demo:
             config=ServerConfig(
                 token=None,
                 client_dir=CLIENT_DIR,
-                options=self.method.options(),
+                options=options,
                 recordings=recordings,
             ),
             started=started,
-            told=lambda problem: print(f"left alone: {problem}", file=sys.stderr),
+            told=say_skipped,
         )

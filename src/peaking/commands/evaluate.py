@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodFlags
+from peaking.options import PAPER_PEAKED_SHARE
 
 if TYPE_CHECKING:
-    from peaking.evaluate.executors import Executor
-    from peaking.evaluate.plan import EvaluationPlan, Step
-    from peaking.evaluate.steps import Found
+    from peaking.experiments.executors import Executor
+    from peaking.experiments.plan import EvaluationOptions, Step
+    from peaking.experiments.steps import Found
 
 StrategyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 
@@ -30,7 +32,7 @@ class Evaluate:
 
     Examples:
       peaking evaluate scenes/desk --out out/desk
-      peaking evaluate scenes/desk --out out/p --preset paper --views from-ours --test-views paper
+      peaking evaluate scenes/desk --out out/p --views threshold-count --test-views paper
       peaking evaluate ~/kitchen ~/office --out out/both --reconstruct mpi 3dgs --views 10 20 40
       peaking evaluate scenes/desk --out out/quick --strategies peaking uniform --views 12
     """
@@ -42,15 +44,15 @@ class Evaluate:
     strategies: tuple[StrategyName, ...] = (
         "peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all",
     )  # fmt: skip
-    """Who chooses. The others are compared with `peaking`, or the first where it is left out."""
+    """View-selection strategies to compare, all with `peaking`, or with the first without it."""
     reconstruct: tuple[Literal["mpi", "3dgs"], ...] = ("mpi",)
     """What is made of the views; 3dgs trains for a minute or two per data set on a CPU."""
     test_views: tuple[Literal["holdout", "paper"], ...] = ("holdout",)
     """Every n-th frame, never a candidate; or the middle frame between every two of Uniform."""
     views: tuple[str, ...] = ()
-    """Numbers of views; or `from-ours`: as many as `threshold` takes. Without: three budgets."""
-    threshold: float = 0.0428
-    """Peaked share, 0…1, at which `from-ours` counts (the paper's 4.28 %)."""
+    """Numbers of views, or `threshold-count`: as many as `threshold` takes (three budgets)."""
+    threshold: float = PAPER_PEAKED_SHARE
+    """Peaked share, 0…1, at which `threshold-count` counts (the paper's)."""
     seeds: int = 5
     """Repetitions of what is random."""
     uniform_rotation: float = 0.0
@@ -76,26 +78,27 @@ class Evaluate:
         """Evaluate, print the table, and say where the report is."""
         from tqdm import tqdm
 
-        from peaking.evaluate.run import evaluate
-        from peaking.evaluate.tables import table_md
+        from peaking.experiments.run import evaluate
+        from peaking.experiments.tables import table_md
 
         def shown(
             steps: Iterable[tuple[Step, Found]], total: int, what: str
         ) -> Iterable[tuple[Step, Found]]:
             return tqdm(steps, total=total, desc=what, unit="step", disable=total == 0)
 
-        plan = self._plan()
+        with checked_arguments():
+            plan = self._plan()
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
         print(table_md(evaluation))
         if evaluation.costs is not None:
             print(evaluation.costs.line())
         print(f"report: {(self.out / 'report.html').resolve()}")
 
-    def _plan(self) -> EvaluationPlan:
-        from peaking.evaluate.plan import EvaluationPlan
-        from peaking.evaluate.reconstruct import SplatPlan
+    def _plan(self) -> EvaluationOptions:
+        from peaking.experiments.plan import EvaluationOptions
+        from peaking.experiments.reconstruct import SplatTraining
 
-        return EvaluationPlan(
+        return EvaluationOptions(
             scenes=self.scenes,
             options=self.method.options(),
             strategies=self.strategies,
@@ -105,24 +108,24 @@ class Evaluate:
             threshold_share=self.threshold,
             seeds=self.seeds,
             uniform_metres_per_rad=self.uniform_rotation,
-            splat=SplatPlan(self.backend, self.iterations, self.splat_pixels),
+            splat=SplatTraining(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
             lpips_folder=self.lpips_weights,
         )
 
     def _executor(self) -> Executor:
-        from peaking.evaluate.executors import ProcessPool, RayTasks
+        from peaking.experiments.executors import ProcessPool, RayTasks
 
         if self.ray is not None:
             return RayTasks(None if self.ray == "local" else self.ray)
         return ProcessPool(self.workers)
 
 
-def _views(words: tuple[str, ...]) -> tuple[int, ...] | Literal["from-ours"] | None:
+def _views(words: tuple[str, ...]) -> tuple[int, ...] | Literal["threshold-count"] | None:
     if not words:
         return None
-    if words == ("from-ours",):
-        return "from-ours"
+    if words == ("threshold-count",):
+        return "threshold-count"
     if not all(word.isdecimal() for word in words):
-        raise ValueError(f"need numbers or from-ours for --views, got {' '.join(words)}")
+        raise ValueError(f"need numbers or threshold-count for --views, got {' '.join(words)}")
     return tuple(int(word) for word in words)

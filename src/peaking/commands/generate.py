@@ -8,12 +8,13 @@ from typing import Annotated, Literal
 
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 
 
 @dataclass(frozen=True)
 class Generate:
-    """Make the MPI of one frame and write it as an .mpi file.
+    """Generate the MPI of one frame and write it as an .mpi file.
 
     Examples:
       peaking generate scenes/desk --out view.mpi
@@ -26,27 +27,32 @@ class Generate:
     out: Path
     """The .mpi file to write; an old one is replaced."""
     frame: int = 0
-    """Which frame, from 0."""
+    """Number of the frame, from 0."""
     codec: Literal["jpeg", "lossless"] = "jpeg"
     """How the tiles are stored."""
     quality: int = 85
-    """JPEG quality, 1…100."""
+    """With --codec jpeg: JPEG quality, 1…100."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
         """Generate and write."""
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
         from peaking.mpi_file import write_mpi
-        from peaking.pipeline import LocalLightField
+        from peaking.view_builder import ViewBuilder
 
+        if not 1 <= self.quality <= 100:
+            raise ArgumentError(f"need --quality of 1..100, got {self.quality}")
+        with checked_arguments():
+            builder = ViewBuilder(self.method.options())
         recording = open_recording(self.scene)
         if not 0 <= self.frame < len(recording):
-            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
-        made = LocalLightField(self.method.options()).captured(recording.read(self.frame))
+            raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
+        made = builder.build(recording.read(self.frame))
         mpi = made.mpi
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px
+        kilobytes = self.out.stat().st_size / 1e3
         print(
             f"{self.out}: {width}x{height}x{mpi.num_planes}, {len(mpi.texels)} tiles, "
-            f"{self.out.stat().st_size / 1e3:.0f} kB{'' if made.metric else ', of a guessed scale'}"
+            f"{kilobytes:.0f} kB{'' if made.metric else '; its scale is a guess'}"
         )

@@ -1,59 +1,71 @@
-"""The options of the method as flags: a preset, and what is to differ from it."""
+"""The options of the method as flags: a preset, and what is to differ from it.
+
+The flags follow from `peaking.options.Options`: a new option there is a new flag here.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, field, fields, make_dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
-if TYPE_CHECKING:
-    from peaking.presets import Options
+import tyro
+
+from peaking.options import PRESETS, Options, PresetName, descriptions
 
 
 @dataclass(frozen=True)
-class MethodFlags:
+class Preset:
     """A preset and what differs from it."""
 
-    preset: Literal["default", "paper"] = "default"
+    preset: PresetName = "default"
     """`paper` is the published method to the letter; `default` is our best."""
-    pixels: int | None = None
-    """Pixels of an MPI plane and of the view; the picture's aspect is kept (294×639 = 187866)."""
-    num_planes: int | None = None
-    """Planes of an MPI, D (32)."""
-    align: Literal["paper", "robust", "off"] | None = None
-    """How planes are scaled to the metric depth: mean or median of log disparities, or not."""
-    neighbours: int | None = None
-    """Views that are blended, K (paper 3, default 4)."""
-    weights: Literal["paper", "overlap"] | None = None
-    """How views are chosen and weighed: by distance alone, or with overlap and without jumps."""
-    opacity: Literal["paper", "seen"] | None = None
-    """How opaque a pixel is that only some views saw: weighted sum, or the largest."""
-    error_threshold: float | None = None
-    """L1 over RGB, 0…3, above which a pixel is red, t (0.4)."""
-    shift_px: int | None = None
-    """Misalignment in pixels that does not count as an error (paper 0, default 1)."""
-    compensate_exposure: bool | None = None
-    """Compare after equalising the exposure of the live picture and the view."""
-    generator: Literal["layered", "adampi"] | None = None
-    """Who makes the MPIs: `layered`, or the paper's `adampi`, which needs weights."""
-    checkpoint: Path | None = None
-    """File with the generator's weights; without, the folder that `peaking weights` names."""
-    depth_model: str | None = None
-    """Estimates depth where a frame has none: a folder, or a name of the Hugging Face hub."""
-    depth_runtime: Literal["pytorch", "openvino", "openvino-bf16"] | None = None
-    """What runs the depth model: `openvino` is faster on processors, and an extra."""
-    device: Literal["auto", "cpu", "cuda"] | None = None
-    """Where networks run (auto: CUDA where there is one)."""
-    precision: Literal["float32", "bfloat16", "float16"] | None = None
-    """Of the generator's convolutions; other than float32 on CUDA only."""
 
     def options(self) -> Options:
         """Return the preset with the flags that were given."""
-        from peaking.presets import PRESETS
-
         given = {
-            field.name: getattr(self, field.name)
-            for field in fields(MethodFlags)
-            if field.name != "preset" and getattr(self, field.name) is not None
+            option.name: getattr(self, option.name)
+            for option in fields(Options)
+            if getattr(self, option.name) is not None
         }
         return replace(PRESETS[self.preset], **given)
+
+
+def _flags() -> list[tuple[str, Any, Any]]:
+    """Return a flag per option, None by default: the preset decides."""
+    types = get_type_hints(Options)
+    return [
+        (
+            option.name,
+            Annotated[
+                types[option.name] | None,
+                tyro.conf.arg(
+                    help=descriptions()[option.name], help_behavior_hint=_hint(option.name)
+                ),
+            ],
+            field(default=None),
+        )
+        for option in fields(Options)
+    ]
+
+
+def _hint(name: str) -> str:
+    """Return what the presets say."""
+    values = {preset: getattr(options, name) for preset, options in PRESETS.items()}
+    if len(set(values.values())) > 1:
+        said = ", ".join(f"--preset {preset}: {_word(value)}" for preset, value in values.items())
+    else:
+        said = f"default: {_word(values['default'])}"
+    return f"({said})"
+
+
+def _word(value: object) -> str:
+    if value is None:
+        return "none"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+if TYPE_CHECKING:
+    MethodFlags = Preset
+else:
+    MethodFlags = make_dataclass("MethodFlags", _flags(), bases=(Preset,), frozen=True)
+    MethodFlags.__doc__ = Preset.__doc__

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,89 +12,97 @@ import tyro
 
 if TYPE_CHECKING:
     from peaking.guidance.plenoptic import PlenopticBound
-    from peaking.guidance.viewing import Viewing
+    from peaking.guidance.viewing import Limit, Viewing
 
 BAR_CHARS = 24
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Say how many views plenoptic sampling asks for, how far apart, and what limits.
+    """Compute how many views plenoptic sampling needs, their spacing, and what limits the detail.
 
-    Without options it is the paper's set-up: its phone and its MPI, a square of 15 cm, the nearest
-    thing at 50 cm. docs/plenoptic.md derives the bound.
+    The defaults are the paper's set-up: its phone and its MPI, a square of 15 cm, the nearest
+    surface at 50 cm. docs/plenoptic.md derives the bound.
 
     Examples:
       peaking plan
-      peaking plan --zmin 0.5 --area 0.15 --display-ppi 460 --eye 0.35 --plot plan.svg
-      peaking plan --width-px 588 --speed 0.1
+      peaking plan --z-min-m 0.5 --area-m 0.15 --display-ppi 460 --eye-m 0.35 --plot plan.svg
+      peaking plan --width-px 588 --speed-m-per-s 0.1
     """
 
-    zmin: float = 0.5
-    """Metres to the nearest thing."""
-    area: float = 0.15
-    """Side in metres of the square in which views are taken, S."""
+    z_min_m: float = 0.5
+    """Distance (m) to the nearest surface, z_min."""
+    area_m: float = 0.15
+    """Side (m) of the square in which views are taken, S."""
     num_planes: int = 32
     """Planes of an MPI, D."""
     width_px: float = 294.0
     """Pixels of an MPI along the axis of the field of view, W."""
     fov_deg: float = 45.93
-    """Field of view along that axis, θ."""
+    """Field of view (degrees) along that axis, θ."""
     cap_disparity: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Use min(D, W/2, 64) in place of D, as LLFF does; the paper does not."""
     display_ppi: float = 460.0
-    """Pixels of the screen per inch."""
+    """Pixels per inch of the screen."""
     display_px: float = 1179.0
-    """Pixels of the screen that the picture's width covers."""
-    eye: float = 0.35
-    """Metres from the eyes to the screen."""
+    """Pixels of the screen that the width of the picture covers."""
+    eye_m: float = 0.35
+    """Distance (m) from the eyes to the screen."""
     acuity_arcmin: float = 1.0
-    """The finest detail that the eyes resolve; 1 is 20/20."""
-    speed: float = 0.0
-    """Metres per second that the camera moves sideways while one looks; 0 is held still."""
+    """The finest detail (arc minutes) that the eyes resolve; 1 is 20/20 vision."""
+    speed_m_per_s: float = 0.0
+    """Sideways speed (m/s) of the camera while the user looks; 0: held still."""
     fps: float = 30.0
     """Pictures per second on the screen."""
     plot: Path | None = None
-    """An .svg or .png file to draw the number of views over the distance of the eyes into. For PNG:
+    """Draw the number of views over the viewing distance into this .svg or .png file. PNG needs:
     pip install 'peaking[study]'"""
+    json: Path | None = None
+    """Also write the results to this file, as JSON."""
 
     def run(self) -> None:
         """Print the plan."""
+        from peaking.commands.arguments import ArgumentError, checked_arguments
+        from peaking.commands.results import write_results
         from peaking.guidance.plan_chart import NAMES
         from peaking.guidance.plenoptic import PlenopticBound
         from peaking.guidance.viewing import Viewing, limits
         from peaking.output import write_atomically
 
         if self.plot is not None and self.plot.suffix not in (".svg", ".png"):
-            raise ValueError(f"need a name that ends in .svg or .png as --plot, got {self.plot}")
-        bound = PlenopticBound(
-            area_side_m=self.area,
-            z_min_m=self.zmin,
-            num_planes=self.num_planes,
-            width_px=self.width_px,
-            fov_rad=math.radians(self.fov_deg),
-            cap_disparity=self.cap_disparity,
-        )
-        viewing = Viewing(
-            display_ppi=self.display_ppi,
-            display_width_px=self.display_px,
-            eye_m=self.eye,
-            acuity_arcmin=self.acuity_arcmin,
-            speed_m_per_s=self.speed,
-            frames_per_s=self.fps,
-        )
+            raise ArgumentError(
+                f"need a file name ending in .svg or .png for --plot, got {self.plot}"
+            )
+        with checked_arguments():
+            bound = PlenopticBound(
+                area_side_m=self.area_m,
+                z_min_m=self.z_min_m,
+                num_planes=self.num_planes,
+                width_px=self.width_px,
+                fov_rad=math.radians(self.fov_deg),
+                cap_disparity=self.cap_disparity,
+            )
+            viewing = Viewing(
+                display_ppi=self.display_ppi,
+                display_width_px=self.display_px,
+                eye_m=self.eye_m,
+                acuity_arcmin=self.acuity_arcmin,
+                speed_m_per_s=self.speed_m_per_s,
+                frames_per_s=self.fps,
+            )
         drawing = None if self.plot is None else _drawn(self.plot, bound, viewing)
         found = limits(bound, viewing)
         limiting = found[0]
+        seen = replace(bound, detail_px=limiting.detail_px)
         print(
-            f"{self.width_px:g} px over {self.fov_deg:g}°, {self.num_planes} planes, nearest thing "
-            f"at {self.zmin:g} m, square of {100 * self.area:g} cm"
+            f"MPIs of {self.width_px:g} px over {self.fov_deg:g}°, {self.num_planes} planes; "
+            f"nearest surface at {self.z_min_m:g} m; square of {100 * self.area_m:g} cm"
         )
         print(f"plenoptic bound   {_in_words(bound)}")
-        print(f"as it is seen     {_in_words(replace(bound, detail_px=limiting.detail_px))}")
-        print(f"what limits       {NAMES[limiting.factor]}\n")
+        print(f"visible detail    {_in_words(seen)}")
+        print(f"limited by        {NAMES[limiting.factor]}\n")
         print(
-            "finest detail        on screen   for the eye    of an MPI   views if it alone limits"
+            "finest detail        on screen   at the eye     in an MPI   views if only this limits"
         )
         for limit in found:
             views = replace(bound, detail_px=limit.detail_px).num_views_exact
@@ -106,16 +115,25 @@ class Plan:
             finer = found[1]
             width_px = self.width_px / finer.detail_px
             print(
-                f"\nAn MPI of {width_px:.0f} px would show all that the {NAMES[finer.factor]} lets "
-                f"through, and ask for N = {bound.num_views_exact / finer.detail_px**2:.1f}."
+                f"\nThe {NAMES[finer.factor]} resolves more: an MPI of {width_px:.0f} px would use "
+                f"that, and need N = {bound.num_views_exact / finer.detail_px**2:.1f}."
             )
         if self.plot is not None and drawing is not None:
             write_atomically(self.plot, drawing)
             print(f"\nplot: {self.plot.resolve()}")
+        write_results(
+            self,
+            {
+                "plenoptic_bound": _as_dict(bound),
+                "visible_detail": _as_dict(seen),
+                "limited_by": limiting.factor,
+                "limits": _limits_as_dicts(bound, found),
+            },
+        )
 
 
 def _drawn(path: Path, bound: PlenopticBound, viewing: Viewing) -> bytes:
-    """Return the chart as the ending of the path asks for."""
+    """Return the chart in the format of the file name."""
     from peaking.errors import ToolMissing
     from peaking.guidance.plan_chart import plan_chart
 
@@ -140,3 +158,24 @@ def _in_words(bound: PlenopticBound) -> str:
         f"{1000 * bound.spacing_m:.1f} mm apart; as a square grid {side} × {side} = {side**2}, "
         f"{1000 * bound.pitch_m:.1f} mm apart"
     )
+
+
+def _as_dict(bound: PlenopticBound) -> dict[str, float]:
+    return {
+        "num_views_exact": bound.num_views_exact,
+        "num_views": bound.num_views,
+        "spacing_m": bound.spacing_m,
+        "views_per_side": bound.views_per_side,
+        "pitch_m": bound.pitch_m,
+        "detail_px": bound.detail_px,
+    }
+
+
+def _limits_as_dicts(bound: PlenopticBound, limits: Sequence[Limit]) -> list[dict[str, object]]:
+    return [
+        {
+            **asdict(limit),
+            "num_views_exact": replace(bound, detail_px=limit.detail_px).num_views_exact,
+        }
+        for limit in limits
+    ]

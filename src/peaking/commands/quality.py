@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +11,11 @@ import tyro
 
 @dataclass(frozen=True)
 class Quality:
-    """Measure on recordings how good an MPI from one view is, and the completed depth.
+    """Measure the quality of MPIs and of depth completion on recordings.
 
-    From one picture with depth to a neighbour 5, 10 and 20 cm away, `layered` against forward
-    point splatting and a textured depth mesh cut at edges; and depth completion against nearest
-    and bilinear upsampling.
+    An MPI (`layered`) is made from one picture with depth and rendered 5, 10 and 20 cm away, where
+    the recording has a picture to compare with; so are forward point splatting and a textured depth
+    mesh cut at edges. Depth completion is compared with nearest and bilinear upsampling.
 
     Examples:
       peaking quality
@@ -25,9 +24,9 @@ class Quality:
     """
 
     scenes: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Recordings with depth; without any, the sample scene."""
+    """Recordings with depth; default: the sample scene scenes/desk."""
     json: Path | None = None
-    """Write the figures to this file."""
+    """Also write the results to this file, as JSON."""
     pairs: int = 20
     """Pairs of views per scene and distance, at most."""
 
@@ -35,22 +34,25 @@ class Quality:
         """Measure, print tables, write the file."""
         from tqdm import tqdm
 
-        import peaking
+        from peaking.benchmarks import depth_completion, single_view
+        from peaking.commands.arguments import ArgumentError
+        from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.evaluate import depth_quality, single_view
-        from peaking.output import write_atomically
 
+        if self.pairs < 1:
+            raise ArgumentError(f"need --pairs of at least 1, got {self.pairs}")
         scenes = scenes_or_sample(self.scenes)
-        document: dict[str, object] = {"version": peaking.__version__, "pairs": self.pairs}
+        measured: dict[str, object] = {}
         for scene in tqdm(scenes, desc="quality", unit="scene"):
             views = single_view.single_view_quality(scene, pairs_per_distance=self.pairs)
-            depths = depth_quality.depth_quality(scene)
+            depths = depth_completion.depth_quality(scene)
             name = scene.resolve().name
-            document[name] = {
+            measured[name] = {
                 "single_view": single_view.as_dict(views),
-                "depth": depth_quality.as_dict(depths),
+                "depth": depth_completion.as_dict(depths),
             }
-            tqdm.write(f"\n## {name}: one view to a neighbour\n\n{single_view.as_markdown(views)}")
-            tqdm.write(f"\n## {name}: depth completion\n\n{depth_quality.as_markdown(depths)}")
-        if self.json is not None:
-            write_atomically(self.json, (json.dumps(document, indent=2) + "\n").encode())
+            tqdm.write(
+                f"\n## {name}: from one view to a neighbour\n\n{single_view.as_markdown(views)}"
+            )
+            tqdm.write(f"\n## {name}: depth completion\n\n{depth_completion.as_markdown(depths)}")
+        write_results(self, {"scenes": measured})

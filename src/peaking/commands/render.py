@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
 
 if TYPE_CHECKING:
     from peaking.geometry import Camera
-    from peaking.mpi import Mpi
-    from peaking.render import Rendering
+    from peaking.light_field import LightField
 
 
 @dataclass(frozen=True)
@@ -49,52 +48,48 @@ class Render:
         """Render and write."""
         from peaking.output import encode_png, write_atomically
 
-        views, camera = self._views_and_camera()
+        light_field, camera = self._light_field_and_camera()
         camera = self._moved(camera)
-        view = self._see(views, camera)
+        rendering = light_field.render(camera)
         if self.show == "depth":
-            picture = np.clip(view.depth_m * 1000.0 + 0.5, 0, 65535).astype(np.uint16)
+            picture = np.clip(rendering.depth_m * 1000.0 + 0.5, 0, 65535).astype(np.uint16)
         elif self.show == "alpha":
-            picture = (view.alpha * 255.0 + 0.5).astype(np.uint8)
+            picture = (rendering.alpha * 255.0 + 0.5).astype(np.uint8)
         else:
-            straight = np.dstack([view.rgb(), view.alpha])
+            straight = np.dstack([rendering.rgb(), rendering.alpha])
             picture = np.clip(straight * 255.0 + 0.5, 0, 255).astype(np.uint8)
         write_atomically(self.out, encode_png(picture))
-        print(f"{self.out}: {np.mean(view.alpha > 0.5):.1%} of the picture was seen by a view")
+        print(f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture was seen by a view")
 
-    def _views_and_camera(self) -> tuple[Sequence[Mpi], Camera]:
-        from peaking.datasets.nerfstudio import open_recording
+    def _light_field_and_camera(self) -> tuple[LightField, Camera]:
+        from peaking.datasets import open_recording
+        from peaking.light_field import LightField
         from peaking.mpi_file import read_mpi
-        from peaking.nearest import nearest_by_distance
-        from peaking.pipeline import LocalLightField
+        from peaking.pipeline import Reconstruction
+        from peaking.view_weights import nearest_by_distance
 
+        with checked_arguments():
+            options = self.method.options()
         if not self.source.is_dir():
             mpi = read_mpi(self.source)
-            return [mpi], mpi.camera
+            return LightField([mpi], options), mpi.camera
         recording = open_recording(self.source)
         if not 0 <= self.frame < len(recording):
-            raise ValueError(f"need a frame of 0..{len(recording) - 1}, got --frame {self.frame}")
-        scene = LocalLightField(self.method.options())
+            raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
+        scene = Reconstruction(options)
         start = scene.prepare(recording.read(self.frame)).camera
         # Far views would not take part: only the nearest few are made.
         target = self._moved(start)
-        near = nearest_by_distance(recording.cameras, target, count=4 * scene.options.neighbours)
+        near = nearest_by_distance(recording.cameras, target, count=4 * options.neighbours)
         for neighbour in near:
             scene.add_view(recording.read(neighbour.index))
-        return scene.views, start
-
-    def _see(self, views: Sequence[Mpi], camera: Camera) -> Rendering:
-        from peaking.pipeline import LocalLightField
-
-        scene = LocalLightField(self.method.options())
-        scene.views.extend(views)
-        return scene.view_from(camera)[0]
+        return scene.light_field, start
 
     def _moved(self, camera: Camera) -> Camera:
         from peaking.geometry import Cam, Rigid
 
         if not np.isfinite([*self.move_m, *self.turn_deg]).all():
-            raise ValueError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
+            raise ArgumentError(f"need finite numbers, got {self.move_m} and {self.turn_deg}")
         right, down = np.deg2rad(self.turn_deg)
         about_y = np.array(
             [[np.cos(right), 0, np.sin(right)], [0, 1, 0], [-np.sin(right), 0, np.cos(right)]]

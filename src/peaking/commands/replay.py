@@ -9,80 +9,106 @@ from typing import Annotated, Literal
 
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
+from peaking.options import PAPER_PEAKED_SHARE
 
-STARTING = "starting (the first run compiles for half a minute)"
+STARTING = "starting (the first run compiles for about 30 s)"
+PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 COMPILED_AFTER = 2
-"""The first frame is captured and the second one looked at: by then all kernels are there."""
+"""The first frame is captured and the second compared with it: then all kernels are compiled."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Walk a recording as a photographer who shoots whenever too much is red.
+    """Replay a recording frame by frame, capture the frames that a policy takes, write a report.
 
-    Takes the first frame, then every frame whose peaked share exceeds the threshold. With --guide
-    it scans the recording for the nearest depth first, and takes the frames at the guide's targets.
-    Writes overlay.mp4, frames.csv, summary.json, report.html and captured/ (a data set of the
-    chosen views).
+    The default policy is the paper's: it takes the first frame, then every frame whose peaked share
+    exceeds the threshold. With --guide, the recording is first scanned for the nearest depth, and
+    then the frames at the guide's targets are captured. Writes overlay.mp4, frames.csv,
+    summary.json, report.html and captured/ (the captured views as a data set).
 
     Examples:
       peaking replay scenes/desk --out out/desk
       peaking replay scenes/desk --out out/paper --preset paper
       peaking replay ~/recordings/kitchen --out out/k --threshold 0.03 --overlay video
-      peaking replay scenes/desk --out out/llff --guide plenoptic --near 0.03
+      peaking replay scenes/desk --out out/best12 --policy peaking --views 12
+      peaking replay scenes/desk --out out/llff --guide plenoptic --near-m 0.03
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
-    """A nerfstudio folder: transforms.json, pictures, depth in 16-bit millimetres."""
+    """A nerfstudio folder: transforms.json, pictures, depth as 16-bit PNG in millimetres."""
     out: Path
-    """Folder to write; it must not exist, or be empty."""
-    threshold: float = 0.0428
-    """Peaked share, 0…1, above which a frame is captured (the paper's 4.28 %)."""
+    """Folder to write; it must be empty or not exist."""
+    policy: PolicyName = "threshold"
+    """Which frames are captured: `threshold` is the paper's rule, `peaking` our own."""
+    views: int | None = None
+    """Number of views to choose; required by `peaking`, `uniform`, `farthest` and `random`."""
+    threshold: float = PAPER_PEAKED_SHARE
+    """With --policy threshold: peaked share, 0…1, above which a frame is captured (the paper's)."""
+    spacing_m: float | None = None
+    """With --policy plenoptic and without --views: distance (m) between views."""
+    seed: int = 0
+    """With --policy random: seed of the random choice."""
     guide: Literal["plenoptic", "planes", "hemisphere"] | None = None
-    """Capture at the targets of a guide, LLFF's grid or another, instead of where it is red."""
-    area: float = 0.15
-    """Of the guide: side in metres of the square in which views are taken."""
-    near: float | None = None
-    """Of the guide: metres from a target that are near enough (a quarter of the spacing)."""
-    angle: float = 10.0
-    """Of the guide: degrees from a target's viewing direction that are near enough."""
+    """Capture at the targets of a guide (LLFF's grid or another) instead of by the peaked share."""
+    area_m: float = 0.15
+    """With --guide: side (m) of the square in which views are taken."""
+    near_m: float | None = None
+    """With --guide: distance (m) at which a target counts as reached (a quarter of the spacing)."""
+    angle_deg: float = 10.0
+    """With --guide: angle (degrees) to the target's viewing direction that is still accepted."""
     max_frames: int | None = None
-    """Walk only so many frames."""
+    """Replay only the first frames, this many."""
     overlay: Literal["mpi", "video", "peaks"] = "peaks"
     """Third picture of the video: MPI over black, peaks on the video, or peaks on the MPI."""
     fps: float = 15.0
     """Frames per second of the video."""
     no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write no overlay.mp4 (which needs the program ffmpeg)."""
+    """Write no overlay.mp4, which needs the program ffmpeg."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
         """Replay, and say where the report is."""
         from tqdm import tqdm
 
-        from peaking.datasets.nerfstudio import open_recording
-        from peaking.replay.guided import GuideChoice
-        from peaking.replay.run import ReplayPlan, replay
+        from peaking.datasets import open_recording
+        from peaking.replay.guided import GuideOptions
+        from peaking.replay.run import ReplayOptions, replay
         from peaking.replay.video import find_h264_encoder
+        from peaking.selection.registry import SelectionOptions
 
         if not self.no_video:
             find_h264_encoder()
-        plan = ReplayPlan(
-            recording=open_recording(self.scene),
-            preset=self.method.preset,
-            options=self.method.options(),
-            threshold_share=self.threshold,
-            max_frames=self.max_frames,
-            overlay=self.overlay,
-            fps=self.fps,
-            with_video=not self.no_video,
-            guide=None
-            if self.guide is None
-            else GuideChoice(
-                kind=self.guide, area_side_m=self.area, near_m=self.near, angle_deg=self.angle
-            ),
-        )
-        bar = tqdm(range(plan.num_frames), desc=STARTING, unit="frame")
+        recording = open_recording(self.scene)
+        self._check_policy(len(recording))
+        with checked_arguments():
+            guide = None
+            if self.guide is not None:
+                guide = GuideOptions(
+                    kind=self.guide,
+                    area_side_m=self.area_m,
+                    near_m=self.near_m,
+                    angle_deg=self.angle_deg,
+                )
+            how = ReplayOptions(
+                recording=recording,
+                preset=self.method.preset,
+                method=self.method.options(),
+                selection=SelectionOptions(
+                    policy=self.policy,
+                    num_views=self.views,
+                    threshold_share=self.threshold,
+                    spacing_m=self.spacing_m,
+                    seed=self.seed,
+                ),
+                max_frames=self.max_frames,
+                overlay=self.overlay,
+                fps=self.fps,
+                with_video=not self.no_video,
+                guide=guide,
+            )
+        bar = tqdm(range(how.num_frames), desc=STARTING, unit="frame")
 
         def shown(_: Iterable[int]) -> Iterator[int]:
             for index in bar:
@@ -91,15 +117,25 @@ class Replay:
                 yield index
 
         with bar:
-            summary = replay(plan, self.out, progress=shown)
+            summary = replay(how, self.out, progress=shown)
         mean = summary.mean_peaked_share
-        share = "" if mean is None else f", {mean:.2%} of the pixels red on average"
+        share = "" if mean is None else f"; on average {mean:.2%} of the pixels were red"
         print(f"captured {summary.captured} of {summary.frames} frames{share}")
-        guide = summary.settings.guide
-        if guide is not None:
+        walk = summary.settings.guide
+        if walk is not None:
             print(
-                f"guide {guide['kind']}: nearest depth {guide['z_min_m']:.2f} m, "
-                f"{guide['reached']} of {guide['targets']} targets are on the recorded path"
+                f"guide {walk['kind']}: nearest depth {walk['z_min_m']:.2f} m; the recorded path "
+                f"reaches {walk['reached']} of {walk['targets']} targets"
             )
         print(f"captured views: {self.out / 'captured'}")
         print(f"report: {(self.out / 'report.html').resolve()}")
+
+    def _check_policy(self, num_frames: int) -> None:
+        if self.views is None and self.policy in ("peaking", "uniform", "farthest", "random"):
+            raise ArgumentError(f"need --views for --policy {self.policy}")
+        if self.views is None and self.spacing_m is None and self.policy == "plenoptic":
+            raise ArgumentError("need --views or --spacing-m for --policy plenoptic")
+        if self.views is not None and self.views > num_frames:
+            raise ArgumentError(
+                f"need --views of at most {num_frames}, the frames there are, got {self.views}"
+            )

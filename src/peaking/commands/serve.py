@@ -2,100 +2,96 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
+
+MIN_TOKEN_CHARS = 8
 
 
 @dataclass(frozen=True)
 class Serve:
-    """Serve phones in the same network: open the link that it prints on a phone, and capture.
+    """Serve the capture page to phones in the local network; prints a link and its QR code.
 
-    Serves https with a certificate of its own, because phones show neither camera nor augmented
-    reality to other pages. Who does not have the link is refused.
+    Serves https with its own certificate, because phones give other pages neither the camera nor
+    augmented reality. Requests without the token in the link are rejected.
 
     Examples:
       peaking serve ~/captures
       peaking serve --adb                # a phone on a USB cable
       peaking serve --port 9443 --preset paper
-      peaking serve --generator adampi   # layered MPIs at once, learned ones when they are ready
+      peaking serve --generator adampi   # layered MPIs first, AdaMPI's when they are ready
     """
 
-    folder: Annotated[Path, tyro.conf.Positional] = Path("sessions")
-    """Folder for the sessions; made when it is not there."""
+    sessions: Annotated[Path, tyro.conf.Positional] = Path("sessions")
+    """Folder of the sessions; created if it does not exist."""
     host: str = "0.0.0.0"
-    """Address to listen at; all of them by default."""
+    """Address to listen on; default: all of them."""
     port: int = 8443
-    """Port, or the next free one; 0 takes any."""
+    """Port to listen on, or the next free one; 0: any free port."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """For a phone on a USB cable: plain http at localhost, through `adb reverse`."""
+    """For a phone on a USB cable: http on localhost, through `adb reverse`."""
     token: str | None = None
-    """Secret of the pairing link; a new one is drawn when it is not given."""
+    """Secret in the link, at least 8 characters; default: a new random one at each start."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
         import secrets
-        import socket
 
         import segno
 
+        from peaking.commands.serving import check_port, https_origins, say_skipped
         from peaking.server.app import ServerConfig
-        from peaking.server.certificates import (
-            authority,
-            config_folder,
-            lan_addresses,
-            server_context,
-        )
+        from peaking.server.certificates import config_folder
         from peaking.server.run import CLIENT_DIR, bind, serve
 
         token = self.token or secrets.token_urlsafe(18)
-        if len(token) < 8:
-            raise ValueError("need a --token of at least 8 characters")
+        if len(token) < MIN_TOKEN_CHARS:
+            raise ArgumentError(f"need --token of at least {MIN_TOKEN_CHARS} characters")
+        check_port(self.port)
+        with checked_arguments():
+            options = self.method.options()
         listener = bind("127.0.0.1" if self.adb else self.host, self.port)
         port = listener.getsockname()[1]
-        addresses: list[str] = []
-        context = None
-        if self.adb:
-            links = [f"http://localhost:{port}/#token={token}"]
-        else:
-            addresses = lan_addresses() if self.host in ("0.0.0.0", "::") else [self.host]
-            names = [*addresses, "localhost", "127.0.0.1", socket.gethostname()]
-            context = server_context(authority(config_folder()), list(dict.fromkeys(names)))
-            hosts = [f"[{a}]" if ":" in a else a for a in addresses] or ["localhost"]
-            links = [f"https://{host}:{port}/#token={token}" for host in hosts]
+        origins, context = [f"http://localhost:{port}"], None
+        if not self.adb:
+            origins, context = https_origins(self.host, port)
+        links = [f"{origin}/#token={token}" for origin in origins]
 
         def started() -> None:
             segno.make(links[0], error="m").terminal(compact=True)
-            print("Open this on the phone (scan the code with its camera):")
+            print("Open this link on the phone (or scan the code with its camera):")
             for link in links:
                 print(f"  {link}")
             if self.adb:
-                print(f"First, with the phone on the cable:  adb reverse tcp:{port} tcp:{port}")
+                print(
+                    f"First connect the phone by cable and run:  adb reverse tcp:{port} tcp:{port}"
+                )
             else:
                 print(
                     "The phone warns of the certificate once: choose Advanced, then Proceed.\n"
-                    "To be rid of the warning, copy this file to the phone and install it as a CA\n"
+                    "To avoid the warning, copy this file to the phone and install it as a CA\n"
                     f"certificate:  {config_folder() / 'peaking-ca.pem'}"
                 )
-            print(f"Sessions are kept in {self.folder.resolve()}")
+            print(f"Folder of sessions:  {self.sessions.resolve()}")
             print("Stop with Ctrl-C.", flush=True)
 
         serve(
             listener,
-            sessions=self.folder,
+            sessions=self.sessions,
             config=ServerConfig(
                 token=token,
                 client_dir=CLIENT_DIR,
-                options=self.method.options(),
+                options=options,
                 secure=not self.adb,
             ),
             context=context,
             started=started,
-            told=lambda problem: print(f"left alone: {problem}", file=sys.stderr),
+            told=say_skipped,
         )

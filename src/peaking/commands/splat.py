@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from peaking.commands.arguments import ArgumentError, checked_arguments
+
 if TYPE_CHECKING:
     from peaking.frame import Frame
+    from peaking.point_cloud import PointCloud
     from peaking.splat.gaussians import Gaussians
     from peaking.splat.options import SplatOptions
-    from peaking.splat.seeds import Points
 
-FEWEST_PICTURES = 3
+MIN_PICTURES = 3
 Backend = Literal["numba", "gsplat"]
 
 
@@ -24,9 +26,9 @@ Backend = Literal["numba", "gsplat"]
 class Splat:
     """Train 3D Gaussians on a recording and write them as a .ply file.
 
-    The file opens in SuperSplat and other viewers of 3D Gaussian splatting. Beside it,
-    NAME_preview.jpg shows photographs and, to the right of each, the trained view from the same
-    place and its depth. Where the recording has depth, training starts from it.
+    The file opens in SuperSplat and other viewers of 3D Gaussian splatting. NAME_preview.jpg, in
+    the same folder, shows photographs and, to the right of each, the rendering from the same camera
+    and its depth. If the recording has depth, training starts from it.
 
     Examples:
       peaking splat scenes/desk --out desk.ply
@@ -39,29 +41,32 @@ class Splat:
     out: Path
     """The .ply file to write; an old one is replaced."""
     iterations: int = 2000
-    """Steps of training; each looks at one picture."""
+    """Training steps; each uses one picture."""
     pixels: int = 57280
-    """Pixels of the pictures trained on; their aspect is kept (179×320 = 57280)."""
+    """Size in pixels to which pictures are shrunk for training (179×320 = 57280)."""
     views: int | None = None
-    """Use this many pictures, evenly spaced; all when not given."""
+    """Number of pictures to use, evenly spaced; default: all."""
     hold_out: int = 0
-    """Keep every n-th picture from training and report the PSNR on these; 0 keeps none."""
+    """Hold out every n-th picture from training and report the PSNR on them; 0: none."""
     previews: int = 3
-    """Pictures to show in NAME_preview.jpg; 0 writes none."""
+    """Pictures to show in NAME_preview.jpg; 0: do not write it."""
     seed: int = 0
-    """Of the random choices; with numba, the same seed gives the same file."""
+    """Seed of the random choices; with numba, the same seed gives the same file."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """Train on the CPU (numba) or on CUDA (gsplat, extra `splat`); auto: on CUDA if it is there."""
+    """Train on the CPU (numba) or on CUDA (gsplat, extra `splat`); auto: on CUDA if available."""
     cameras: Literal["recorded", "colmap"] = "recorded"
-    """Where the pictures were taken: as recorded, or as COLMAP says (extra `colmap`)."""
+    """Camera poses to train on: the recorded ones or COLMAP's (extra `colmap`)."""
+    json: Path | None = None
+    """Also write the number of Gaussians and the PSNR to this file, as JSON."""
 
     def run(self) -> None:
         """Train and write."""
         from tqdm import tqdm
 
+        from peaking.commands.results import write_results
         from peaking.output import write_atomically
         from peaking.splat.ply import encode_ply
-        from peaking.splat.train import Step, train
+        from peaking.splat.train import TrainingStep, train
 
         self._check()
         backend = self._backend()
@@ -69,7 +74,7 @@ class Splat:
         options = self._options()
         with tqdm(total=options.iterations, desc=f"training ({backend})", unit="step") as bar:
 
-            def show(step: Step) -> None:
+            def show(step: TrainingStep) -> None:
                 bar.set_postfix(
                     gaussians=step.num_gaussians, loss=f"{step.loss:.3f}", refresh=False
                 )
@@ -81,27 +86,39 @@ class Splat:
         print(f"{self.out}: {len(gaussians)} Gaussians, {len(data) / 1e6:.1f} MB")
         if self.previews:
             self._write_preview(gaussians, held_out or training)
-        if held_out:
-            print(f"PSNR of {len(held_out)} held-out pictures: {_psnr(gaussians, held_out):.2f} dB")
+        psnr_db = _mean_psnr_db(gaussians, held_out) if held_out else None
+        if psnr_db is not None:
+            print(f"PSNR of {len(held_out)} held-out pictures: {psnr_db:.2f} dB")
+        write_results(
+            self,
+            {
+                "trained_with": backend,
+                "training_pictures": len(training),
+                "held_out_pictures": len(held_out),
+                "gaussians": len(gaussians),
+                "psnr_db": psnr_db,
+            },
+        )
 
     def _check(self) -> None:
         from peaking.errors import OutputError
 
         if self.out.suffix.lower() != ".ply":
-            raise ValueError(f"need the name of a .ply file, got --out {self.out}")
+            raise ArgumentError(f"need a file name ending in .ply for --out, got {self.out}")
         if self.pixels < 256 or self.hold_out < 0 or self.hold_out == 1 or self.previews < 0:
-            raise ValueError(
+            raise ArgumentError(
                 "need --pixels of at least 256, --hold-out 0 or at least 2, --previews at least 0"
             )
-        if self.views is not None and self.views < FEWEST_PICTURES:
-            raise ValueError(f"need --views of at least {FEWEST_PICTURES}, got {self.views}")
-        # What would only be found out when all is trained.
+        if self.views is not None and self.views < MIN_PICTURES:
+            raise ArgumentError(f"need --views of at least {MIN_PICTURES}, got {self.views}")
+        # Find out now what would otherwise fail after the training.
         if self.out.is_dir():
-            raise OutputError(f"{self.out}: is a folder; give the name of a file")
-        above = next(place for place in self.out.absolute().parents if place.exists())
+            raise OutputError(f"{self.out}: is a folder; give a file name")
+        above = next(folder for folder in self.out.absolute().parents if folder.exists())
         if not (above.is_dir() and os.access(above, os.W_OK)):
-            raise OutputError(f"{self.out}: not writable; give a folder that you may write to")
-        self._options()
+            raise OutputError(f"{self.out}: not writable; choose a folder that you may write to")
+        with checked_arguments():
+            self._options()
 
     def _backend(self) -> Backend:
         if self.backend != "auto":
@@ -120,48 +137,48 @@ class Splat:
 
         return SplatOptions(iterations=self.iterations, seed=self.seed)
 
-    def _material(self) -> tuple[list[Frame], list[Frame], Points]:
-        """Return the frames to train on, those that are kept from it, and points to start from."""
+    def _material(self) -> tuple[list[Frame], list[Frame], PointCloud]:
+        """Return the frames to train on, those held out, and the points to start from."""
         from peaking.errors import RecordingError
-        from peaking.splat.seeds import FEWEST_POINTS, surface_points
+        from peaking.splat.initial_points import MIN_POINTS, surface_points
 
         frames, points = self._frames()
         held_back = {
-            place for place in range(len(frames)) if self.hold_out and place % self.hold_out == 0
+            index for index in range(len(frames)) if self.hold_out and index % self.hold_out == 0
         }
         small = [self._small(frame) for frame in frames]
-        training = [frame for place, frame in enumerate(small) if place not in held_back]
-        held_out = [small[place] for place in sorted(held_back)]
-        if len(training) < FEWEST_PICTURES:
+        training = [frame for index, frame in enumerate(small) if index not in held_back]
+        held_out = [small[index] for index in sorted(held_back)]
+        if len(training) < MIN_PICTURES:
             raise RecordingError(
                 self.scene,
                 f"has {len(training)} pictures to train on",
-                remedy=f"take at least {FEWEST_PICTURES}, or hold out fewer",
+                remedy=f"take at least {MIN_PICTURES} pictures, or hold out fewer",
             )
         points = points or surface_points(training)
-        if len(points) < FEWEST_POINTS:
+        if len(points) < MIN_POINTS:
             raise RecordingError(
                 self.scene,
-                "has no depth, and no surface is seen alike from two places",
-                remedy="take pictures from side to side with plenty of overlap",
+                "has no depth, and no surface could be matched between two pictures",
+                remedy="take pictures while moving sideways, with plenty of overlap",
             )
         return training, held_out, points
 
-    def _frames(self) -> tuple[list[Frame], Points | None]:
+    def _frames(self) -> tuple[list[Frame], PointCloud | None]:
         """Return the chosen frames and, from COLMAP, points."""
         import numpy as np
 
-        from peaking.datasets.nerfstudio import open_recording
+        from peaking.datasets import open_recording
 
         recording = open_recording(self.scene)
         count = min(self.views or len(recording), len(recording))
         indices = np.linspace(0, len(recording) - 1, count).round().astype(int).tolist()
         if self.cameras == "recorded":
             return [self._small(recording.read(index)) for index in indices], None
-        from peaking.splat.colmap import estimate_cameras, for_features
+        from peaking.poses.colmap import estimate_cameras, shrunk_for_features
 
-        frames = [for_features(recording.read(index)) for index in indices]
-        print(f"COLMAP looks for the cameras of {len(frames)} pictures (minutes) ...")
+        frames = [shrunk_for_features(recording.read(index)) for index in indices]
+        print(f"COLMAP estimates the cameras of {len(frames)} pictures (takes minutes) ...")
         found = estimate_cameras(frames, seed=self.seed)
         placed = [
             replace(frame, camera=camera)
@@ -169,8 +186,8 @@ class Splat:
             if camera is not None
         ]
         print(
-            f"COLMAP placed {len(placed)} pictures and {len(found.points)} points, the pictures "
-            f"{found.residual_m * 100:.1f} cm from where they were recorded"
+            f"COLMAP placed {len(placed)} of {len(frames)} pictures, {len(found.points)} points; "
+            f"the pictures are {100 * found.residual_m:.1f} cm (RMS) from the recorded positions"
         )
         return placed, found.points
 
@@ -189,13 +206,13 @@ class Splat:
         shown = [frames[index] for index in chosen.astype(int).tolist()]
         path = self.out.with_name(f"{self.out.stem}_preview.jpg")
         write_atomically(path, encode_jpeg(preview(gaussians, shown)))
-        print(f"{path}: photographs, trained views, and their depth")
+        print(f"{path}: photographs, renderings and their depth")
 
 
-def _psnr(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
+def _mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
     import numpy as np
 
-    from peaking.evaluate.metrics import psnr
+    from peaking.metrics.psnr_ssim import psnr
     from peaking.splat.rasterise import render
 
     return float(

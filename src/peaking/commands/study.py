@@ -1,4 +1,4 @@
-"""`peaking study`: the commands of user studies."""
+"""`peaking study`: the commands for user studies."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ StudyCommands = (
 
 @dataclass(frozen=True)
 class Study:
-    """Run a user study of ways to photograph, from the protocol to the participant's data.
+    """Run a user study of capture methods: protocol, console, participants' pages, statistics.
 
     Examples:
       peaking study init study          # then read and edit study/protocol.toml
-      peaking study serve study         # prints the links of the console and of the phones
+      peaking study serve study         # prints the link of the console
       peaking study analyse study --out results
       peaking study simulate --participants 20 --seed 1 --out simulated
       peaking study export study P01 --out P01.zip

@@ -11,26 +11,27 @@ import tyro
 
 @dataclass(frozen=True)
 class Init:
-    """Make the folder of a study, with a protocol to read and edit.
+    """Create the folder of a study, with a protocol to read and edit.
 
-    Run again in a folder that has one, it leaves the protocol alone, checks it, and with --language
-    adds a translation file.
+    In a folder that already has a protocol, it only checks the protocol and, with --language, adds
+    a translation file.
 
     Examples:
       peaking study init study
-      peaking study init study --language ja     # translations/ja.toml, to be written over
+      peaking study init study --language ja     # writes translations/ja.toml to translate
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
-    """Folder of the study; made when it is not there."""
+    """Folder of the study; created if it does not exist."""
     language: str | None = None
-    """Also write the texts of all pages and questionnaires, to be translated into this language."""
+    """Also write the texts of all pages and questionnaires, to translate into this language."""
 
     def run(self) -> None:
         """Write what is not there yet, and check what is."""
         import re
         from importlib.resources import files
 
+        from peaking.commands.arguments import ArgumentError
         from peaking.errors import OutputError
         from peaking.output import write_atomically
         from peaking.study.protocol import FILE_NAME, load_protocol, remarks
@@ -39,19 +40,19 @@ class Init:
         path = self.folder / FILE_NAME
         if not path.exists():
             write_atomically(path, (files("peaking.study") / "example.toml").read_bytes())
-            print(f"Wrote {path}: read it and change what is different in your study.")
+            print(f"Wrote {path}: read it and change what differs in your study.")
         protocol = load_protocol(path)
         for remark in remarks(protocol):
             print(f"Note: {remark}")
         if self.language is not None:
             if not re.fullmatch(r"[a-z]{2}(-[A-Za-z]{2,8})?", self.language):
-                raise ValueError(f"need a --language such as ja or pt-BR, got {self.language!r}")
+                raise ArgumentError(f"need --language such as ja or pt-BR, got {self.language!r}")
             translation = self.folder / FOLDER / f"{self.language}.toml"
             if translation.exists():
-                raise OutputError(f"{translation}: is there already; give another --language")
+                raise OutputError(f"{translation}: exists already; give another --language")
             write_atomically(translation, template(protocol).encode())
             print(
                 f'Wrote {translation}: translate it, and write language = "{self.language}" in '
                 f"{FILE_NAME}."
             )
-        print(f"Then:  peaking study serve {self.folder}")
+        print(f"Next:  peaking study serve {self.folder}")

@@ -11,7 +11,7 @@ import tyro
 
 @dataclass(frozen=True)
 class Export:
-    """Write all that is kept of a participant into a zip, for them.
+    """Write all data of a participant to a zip file, to give to them.
 
     Example:
       peaking study export study P01 --out P01.zip
@@ -22,7 +22,7 @@ class Export:
     participant: Annotated[str, tyro.conf.Positional]
     """Pseudonym, such as P01."""
     out: Path
-    """The zip."""
+    """The zip file to write."""
 
     def run(self) -> None:
         """Write it."""
@@ -34,27 +34,27 @@ class Export:
 
 @dataclass(frozen=True)
 class Erase:
-    """Delete all that is kept of a participant, photos too. There is no way back.
+    """Delete all data of a participant, photos included. This cannot be undone.
 
-    Only the pseudonym stays taken. Their place in the design is given to somebody else.
+    Only the pseudonym stays reserved. The next participant takes their place in the design.
 
     Example:
       peaking study erase study P01
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
-    """Folder of the study; it must not be served at the moment."""
+    """Folder of the study; it must not be served at the same time."""
     participant: Annotated[str, tyro.conf.Positional]
     """Pseudonym, such as P01."""
     yes: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Do not ask."""
+    """Do not ask for confirmation."""
 
     def run(self) -> None:
         """Ask, and delete."""
         from peaking.study.privacy import erase_participant
 
         if not self.yes:
-            answer = input(f"Delete all of {self.participant} in {self.folder}? Write yes: ")
+            answer = input(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")
             if answer.strip().lower() != "yes":
                 print("Nothing was deleted.")
                 return

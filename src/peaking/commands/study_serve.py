@@ -2,49 +2,45 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import tyro
-
-if TYPE_CHECKING:
-    import socket
-    import ssl
 
 
 @dataclass(frozen=True)
 class ServeStudy:
-    """Serve a study: a console for the experimenter, pages for the participants' phones.
+    """Serve a study: a console for the experimenter and pages for the participants' phones.
 
-    Serves https to the local network, as `peaking serve` does. May be stopped at any moment: when
-    it is started again, everybody is at the step where they were.
+    Serves https to the local network, as `peaking serve` does. It can be stopped at any time: after
+    a restart, every participant continues at the same step.
 
     Examples:
       peaking study serve study
-      peaking study serve study --local    # this machine alone, with the virtual phone
+      peaking study serve study --local    # on this machine only, with the virtual phone
       peaking study serve study --adb      # a phone on a USB cable
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
-    """Folder of the study, made by `peaking study init`."""
+    """Folder of the study, created by `peaking study init`."""
     host: str = "0.0.0.0"
-    """Address to listen at; all of them by default."""
+    """Address to listen on; default: all of them."""
     port: int = 8443
-    """Port, or the next free one; 0 takes any."""
+    """Port to listen on, or the next free one; 0: any free port."""
     preset: Literal["default", "paper"] = "default"
-    """`default` is our best, `paper` is the paper to the letter."""
+    """`paper` is the published method exactly; `default` is our improved one."""
     local: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """This machine alone, without tokens: to try a study out."""
+    """Serve this machine only, without tokens: to try a study."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """For a phone on a USB cable: plain http at localhost, through `adb reverse`."""
+    """For a phone on a USB cable: http on localhost, through `adb reverse`."""
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
         import secrets
 
-        from peaking.presets import PRESETS
+        from peaking.commands.serving import check_port, https_origins, say_skipped
+        from peaking.options import PRESETS
         from peaking.server.app import ServerConfig, create_app
         from peaking.server.run import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore
@@ -53,12 +49,16 @@ class ServeStudy:
         from peaking.study.privacy import held
         from peaking.study.protocol import load_protocol
 
+        check_port(self.port)
         load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
             study = OpenStudy(self.folder)
             plain = self.local or self.adb
             listener = bind("127.0.0.1" if plain else self.host, self.port)
-            origins, context = self._origins(listener)
+            port = listener.getsockname()[1]
+            origins, context = [f"http://localhost:{port}"], None
+            if not plain:
+                origins, context = https_origins(self.host, port)
             token, console_token = (
                 (None, None)
                 if self.local
@@ -66,7 +66,7 @@ class ServeStudy:
             )
             sessions = SessionStore(self.folder / "sessions")
             for problem in sessions.problems:
-                print(f"left alone: {problem}", file=sys.stderr)
+                say_skipped(problem)
             capture = create_app(
                 store=sessions,
                 config=ServerConfig(
@@ -91,33 +91,13 @@ class ServeStudy:
             secret = "" if token is None else f"#token={token}&console={console_token}"
 
             def started() -> None:
-                print("The console, for the experimenter alone:")
+                print("Console, for the experimenter only:")
                 for origin in origins:
                     print(f"  {origin}/study{secret}")
-                print("Links for the phones are in the console.")
+                print("The console shows the links for the phones.")
                 for remark in study.remarks:
                     print(f"Note: {remark}")
-                print(f"Records are kept in {self.folder.resolve()}")
+                print(f"Folder of the study:  {self.folder.resolve()}")
                 print("Stop with Ctrl-C.", flush=True)
 
             run(listener, app, context=context, started=started)
-
-    def _origins(self, listener: socket.socket) -> tuple[list[str], ssl.SSLContext | None]:
-        """Return where the pages are, and how they are secured."""
-        import socket
-
-        from peaking.server.certificates import (
-            authority,
-            config_folder,
-            lan_addresses,
-            server_context,
-        )
-
-        port = listener.getsockname()[1]
-        if self.local or self.adb:
-            return [f"http://localhost:{port}"], None
-        addresses = lan_addresses() if self.host in ("0.0.0.0", "::") else [self.host]
-        names = [*addresses, "localhost", "127.0.0.1", socket.gethostname()]
-        context = server_context(authority(config_folder()), list(dict.fromkeys(names)))
-        hosts = [f"[{a}]" if ":" in a else a for a in addresses] or ["localhost"]
-        return [f"https://{host}:{port}" for host in hosts], context

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from peaking.commands.arguments import ArgumentError
+
 
 @dataclass(frozen=True)
 class Simulate:
-    """Write a study that nobody took part in, with effects that are known.
+    """Write the data of a simulated study whose true effects are known.
 
-    To try the analysis, to see what a planned number of participants would find, to test.
+    Use it to try the analysis, or to see what a planned number of participants would show.
 
     Examples:
       peaking study simulate --participants 20 --seed 1 --out simulated
@@ -19,20 +21,20 @@ class Simulate:
     """
 
     out: Path
-    """Folder to write; it must not exist, or be empty."""
+    """Folder to write; it must be empty or not exist."""
     participants: int = 20
-    """How many took part."""
+    """Number of participants."""
     seed: int = 1
     """The same seed gives the same study."""
     effect: Literal["paper", "none"] = "paper"
-    """The paper's means, standard deviations and medians, or the same in both conditions."""
+    """`paper`: the paper's means, standard deviations and medians; `none`: equal conditions."""
 
     def run(self) -> None:
         """Write it."""
         if not 1 <= self.participants <= 9999:
-            raise ValueError(f"need --participants from 1 to 9999, got {self.participants}")
+            raise ArgumentError(f"need --participants of 1..9999, got {self.participants}")
         if self.seed < 0:
-            raise ValueError(f"need --seed of 0 or more, got {self.seed}")
+            raise ArgumentError(f"need --seed of at least 0, got {self.seed}")
 
         from peaking.output import complete_or_absent
         from peaking.study.simulation.folder import write_study
@@ -42,4 +44,4 @@ class Simulate:
         with complete_or_absent(self.out) as folder:
             write_study(folder, truths, participants=self.participants, seed=self.seed)
         print(f"simulated {self.participants} participants: {self.out}")
-        print(f"Then:  peaking study analyse {self.out} --out {self.out}-results")
+        print(f"Next:  peaking study analyse {self.out} --out {self.out}-results")

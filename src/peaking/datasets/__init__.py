@@ -1,5 +1,6 @@
-"""Readers and writers of recordings on disk: nerfstudio folders, instant-ngp's flavour of them."""
+"""Recordings on disk: what one is (`recording.py`), and one file per format (`registry.py`)."""
 
-from peaking.datasets.nerfstudio import Recording, open_recording, write_recording_subset
+from peaking.datasets.recording import Recording
+from peaking.datasets.registry import open_recording
 
-__all__ = ["Recording", "open_recording", "write_recording_subset"]
+__all__ = ["Recording", "open_recording"]

@@ -1,4 +1,4 @@
-"""Lenses that bend: from stored pixels to the pixels of a pinhole with the same intrinsics.
+"""Lens distortion: from stored pixels to the pixels of a pinhole with the same intrinsics.
 
 The model is OpenCV's (Brown-Conrady, k1 k2 p1 p2 k3), which nerfstudio and COLMAP share.
 """
@@ -23,7 +23,7 @@ class Lens:
     k1_k2_p1_p2_k3: tuple[float, float, float, float, float]
 
     @property
-    def bends(self) -> bool:
+    def has_distortion(self) -> bool:
         """Whether pixels have to move at all."""
         return any(self.k1_k2_p1_p2_k3)
 
@@ -31,33 +31,33 @@ class Lens:
         """Return the same lens with another number of pixels."""
         return Lens(self.pinhole.resized(width_px, height_px), self.k1_k2_p1_p2_k3)
 
-    def straightened(self, rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    def undistorted(self, rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
         """Return the picture that a pinhole would have taken.
 
         Beyond the edge of the stored picture its last pixels are repeated: black would be taken
         for a dark part of the scene.
         """
-        if not self.bends:
+        if not self.has_distortion:
             return rgb
-        x_px, y_px = _stored_from_straight(self)
-        straight = cv2.remap(rgb, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(straight, dtype=np.uint8)
+        x_px, y_px = _stored_from_undistorted(self)
+        undistorted = cv2.remap(rgb, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(undistorted, dtype=np.uint8)
 
-    def straightened_depth(self, depth_m: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    def undistorted_depth(self, depth_m: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
         """Return the depth map of the pinhole; nearest pixel, 0 beyond the edge."""
-        if not self.bends:
+        if not self.has_distortion:
             return depth_m
         height, width = depth_m.shape
-        x_px, y_px = _stored_from_straight(self.resized(width, height))
-        straight = cv2.remap(
+        x_px, y_px = _stored_from_undistorted(self.resized(width, height))
+        undistorted = cv2.remap(
             depth_m, x_px, y_px, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0
         )
-        return np.asarray(straight, dtype=np.float32)
+        return np.asarray(undistorted, dtype=np.float32)
 
 
 # One lens usually took the whole recording; two entries hold its picture and its depth.
 @lru_cache(maxsize=2)
-def _stored_from_straight(
+def _stored_from_undistorted(
     lens: Lens,
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
     """Return where in the stored picture each pixel of the pinhole's picture lies."""

@@ -9,6 +9,7 @@ headers of the files; pixels are decoded when a frame is read.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -18,14 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
 from peaking.datasets.lens import Lens
-from peaking.datasets.point_cloud import check_points, read_points, seen_points
+from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.stored_images import (
     depth_size_px,
     picture_size_px,
     read_depth,
+    read_grey,
     read_picture,
 )
 from peaking.datasets.transforms_json import (
@@ -43,6 +45,7 @@ from peaking.errors import OutputError, RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
+from peaking.point_cloud import visible_points
 
 _SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
@@ -65,42 +68,65 @@ class RecordedView:
 
 
 @dataclass(frozen=True)
-class Recording:
-    """A folder of posed pictures, in the order they were taken.
-
-    Attributes:
-        root: The folder that holds transforms.json.
-        views: One per picture.
-        top: The fields of transforms.json that are about all frames.
-    """
+class NerfstudioRecording:
+    """A folder of posed pictures, in the order they were taken (`datasets.recording.Recording`)."""
 
     root: Path
+    """The folder that holds transforms.json."""
     views: tuple[RecordedView, ...]
+    """One per picture."""
     top: Json
+    """The fields of transforms.json that are about all frames."""
 
     def __len__(self) -> int:
         return len(self.views)
 
-    @cached_property
+    @property
+    def name(self) -> str:
+        """The name of the folder."""
+        return self.root.resolve().name
+
+    @property
+    def path(self) -> Path:
+        """The file that says what there is: transforms.json."""
+        return self.root / FILE_NAME
+
+    @property
     def names(self) -> Sequence[str]:
         """Unique names that are good as file names: the pictures' own where these are unique."""
-        return tuple(view.name for view in self.views)
+        return self._columns[0]
 
-    @cached_property
+    @property
     def cameras(self) -> Sequence[Camera]:
         """Full-size cameras, without distortion."""
-        return tuple(view.camera for view in self.views)
+        return self._columns[1]
+
+    @property
+    def timestamps_s(self) -> Sequence[float | None]:
+        """Times in seconds, None where the recording has none."""
+        return self._columns[2]
+
+    @property
+    def has_depth(self) -> Sequence[bool]:
+        """Which frames have a depth map."""
+        return self._columns[3]
 
     @cached_property
-    def timestamps(self) -> Sequence[float | None]:
-        """Times in seconds, None where the recording has none."""
-        return tuple(view.timestamp_s for view in self.views)
+    def _columns(
+        self,
+    ) -> tuple[tuple[str, ...], tuple[Camera, ...], tuple[float | None, ...], tuple[bool, ...]]:
+        return (
+            tuple(view.name for view in self.views),
+            tuple(view.camera for view in self.views),
+            tuple(view.timestamp_s for view in self.views),
+            tuple(view.depth is not None for view in self.views),
+        )
 
     def read(self, index: int) -> Frame:
         """Decode one picture and its depth, and take the lens's distortion out of both.
 
         Without a depth map, `points_m` are the points of the view's own cloud, or those of the
-        recording's that lie in the picture and are not hidden (`seen_points`).
+        recording's that lie in the picture and are not hidden (`visible_points`).
 
         Raises:
             IndexError: There is no such view.
@@ -116,22 +142,85 @@ class Recording:
         depth_m = None
         if view.depth is not None:
             depth_m = read_depth(self.root / view.depth, view.depth_unit_m)
-            depth_m = view.lens.straightened_depth(depth_m)
+            depth_m = view.lens.undistorted_depth(depth_m)
         return Frame(
             name=view.name,
-            rgb=view.lens.straightened(rgb),
+            rgb=view.lens.undistorted(rgb),
             camera=view.camera,
             depth_m=depth_m,
             timestamp_s=view.timestamp_s,
             points_m=self._points_m(view),
         )
 
+    def depth_size_px(self, index: int) -> tuple[int, int] | None:
+        """Return width and height of a frame's depth map, without decoding it; None without one."""
+        depth = self.views[index].depth
+        return None if depth is None else depth_size_px(self.root / depth)
+
+    def true_depth_m(self, index: int) -> Float32[np.ndarray, "h w"] | None:
+        """Return the exact depth of a drawn scene (`exact_depth_file_path`, mm); else None.
+
+        It is 0 on mirror and glass (`materials_file_path`), whose first surface is not what a
+        sensor, or a renderer, needs.
+
+        Raises:
+            RecordingError: A file cannot be read.
+        """
+        entry = self.views[index].entry
+        exact, materials = entry.get("exact_depth_file_path"), entry.get("materials_file_path")
+        if not isinstance(exact, str):
+            return None
+        depth_m = read_grey(self.root / exact).astype(np.float32) / np.float32(1000.0)
+        if isinstance(materials, str):
+            depth_m[read_grey(self.root / materials) > 0] = 0.0
+        return depth_m
+
+    def fingerprint(self) -> str:
+        """Return a short name for transforms.json and the sizes of pictures and depth maps."""
+        digest = hashlib.sha256(self.path.read_bytes())
+        for view in self.views:
+            for name in (view.picture, view.depth):
+                size = (self.root / name).stat().st_size if name else 0
+                digest.update(f"{name}:{size};".encode())
+        return digest.hexdigest()[:24]
+
+    def write_subset(self, indices: Sequence[int], out: Path) -> NerfstudioRecording:
+        """Write some views as a data set of its own, and return it opened.
+
+        Pictures, depth maps, masks and point clouds are copied byte for byte under their own names;
+        all fields are kept, and every frame says as `source_index` which view it was. What was
+        written is read back and compared; `out` appears only when it is complete.
+
+        Raises:
+            ValueError: No indices, one twice, or one that is no view of the recording.
+            RecordingError: A file of the recording cannot be read.
+            OutputError: `out` is taken, full or not writable.
+        """
+        if len(indices) == 0 or len(set(indices)) != len(indices):
+            raise ValueError(f"need at least one index and none twice, got {list(indices)}")
+        if min(indices) < 0 or max(indices) >= len(self):
+            raise ValueError(f"need indices in 0..{len(self) - 1}, got {list(indices)}")
+        chosen = [self.views[i] for i in indices]
+        entries = [{**self.views[i].entry, "source_index": int(i)} for i in indices]
+        text = json.dumps({**_top_of_subset(self, chosen), "frames": entries}, indent=1)
+        with complete_or_absent(out) as folder:
+            for name in _files_of(self, chosen):
+                data = _source_bytes(self.root / name)
+                target = folder / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(data)
+                if target.read_bytes() != data:
+                    raise OutputError(f"{out}: {name} was not written faithfully; check the disk")
+            (folder / FILE_NAME).write_text(text, encoding="utf-8")
+            written = _opened_again(folder, out, chosen)
+        return replace(written, root=out)
+
     def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
         if view.points is None:
             return None
         if "ply_file_path" in view.entry:
             return read_points(self.root / view.points) * view.points_unit_m
-        return seen_points(self._cloud * view.points_unit_m, view.camera)
+        return visible_points(self._cloud * view.points_unit_m, view.camera)
 
     @cached_property
     def _cloud(self) -> Float64[np.ndarray, "n 3"]:
@@ -139,7 +228,12 @@ class Recording:
         return read_points(self.root / self.top["ply_file_path"])
 
 
-def open_recording(root: Path) -> Recording:
+def recognises(path: Path) -> bool:
+    """Return whether a folder holds a transforms.json."""
+    return (path / FILE_NAME).is_file()
+
+
+def open_recording(root: Path) -> NerfstudioRecording:
     """Open a nerfstudio (or instant-ngp, or Blender) data set.
 
     Poses become OpenCV axes and metres: an `applied_scale` in the file is taken back. Intrinsics
@@ -156,39 +250,7 @@ def open_recording(root: Path) -> Recording:
     stems = Counter(view.name for view in views)
     if max(stems.values()) > 1:
         views = [replace(view, name=f"{i:05d}_{view.name}") for i, view in enumerate(views)]
-    return Recording(root, tuple(views), {k: v for k, v in top.items() if k != "frames"})
-
-
-def write_recording_subset(recording: Recording, indices: Sequence[int], out: Path) -> Recording:
-    """Write some views of a recording as a data set of its own, and return it opened.
-
-    Pictures, depth maps, masks and point clouds are copied byte for byte under their own names;
-    all fields are kept, and every frame says as `source_index` which view it was. What was written
-    is read back and compared; `out` appears only when it is complete.
-
-    Raises:
-        ValueError: No indices, one twice, or one that is no view of the recording.
-        RecordingError: A file of the recording cannot be read.
-        OutputError: `out` is taken, full or not writable.
-    """
-    if len(indices) == 0 or len(set(indices)) != len(indices):
-        raise ValueError(f"need at least one index and none twice, got {list(indices)}")
-    if min(indices) < 0 or max(indices) >= len(recording):
-        raise ValueError(f"need indices in 0..{len(recording) - 1}, got {list(indices)}")
-    chosen = [recording.views[i] for i in indices]
-    entries = [{**recording.views[i].entry, "source_index": int(i)} for i in indices]
-    text = json.dumps({**_top_of_subset(recording, chosen), "frames": entries}, indent=1)
-    with complete_or_absent(out) as folder:
-        for name in _files_of(recording, chosen):
-            data = _source_bytes(recording.root / name)
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(data)
-            if target.read_bytes() != data:
-                raise OutputError(f"{out}: {name} was not written faithfully; check the disk")
-        (folder / FILE_NAME).write_text(text, encoding="utf-8")
-        written = _opened_again(folder, out, chosen)
-    return replace(written, root=out)
+    return NerfstudioRecording(root, tuple(views), {k: v for k, v in top.items() if k != "frames"})
 
 
 def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
@@ -242,7 +304,9 @@ def _refuse_twice(path: Path, views: Sequence[RecordedView]) -> None:
         first[view.picture] = number
 
 
-def _top_of_subset(recording: Recording, chosen: Sequence[RecordedView]) -> dict[str, Any]:
+def _top_of_subset(
+    recording: NerfstudioRecording, chosen: Sequence[RecordedView]
+) -> dict[str, Any]:
     """Return the shared fields; lists of names for training and testing keep what is there."""
     top = dict(recording.top)
     names = {view.entry["file_path"] for view in chosen}
@@ -252,7 +316,7 @@ def _top_of_subset(recording: Recording, chosen: Sequence[RecordedView]) -> dict
     return top
 
 
-def _files_of(recording: Recording, chosen: Sequence[RecordedView]) -> list[Path]:
+def _files_of(recording: NerfstudioRecording, chosen: Sequence[RecordedView]) -> list[Path]:
     """Return the files that a subset needs, once each."""
     path = recording.root / FILE_NAME
     files = {view.picture: None for view in chosen}
@@ -273,7 +337,7 @@ def _source_bytes(path: Path) -> bytes:
         ) from error
 
 
-def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> Recording:
+def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> NerfstudioRecording:
     """Open what was written and compare it with what was meant."""
     try:
         written = open_recording(folder)

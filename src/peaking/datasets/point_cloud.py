@@ -1,9 +1,4 @@
-"""Point clouds as .ply files, and which of their points a camera sees.
-
-A cloud of a whole data set (nerfstudio's `ply_file_path`) does not say which picture saw a point.
-What lies behind the nearest point of its part of the picture counts as hidden; a few that are not
-do no harm, since depth is fitted robustly.
-"""
+"""Point clouds as .ply files: nerfstudio's `ply_file_path`."""
 
 from __future__ import annotations
 
@@ -14,16 +9,9 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from peaking.errors import RecordingError
-from peaking.geometry import Camera
 
-PARTS = 32
-"""The longer side of a picture is cut into so many parts, to look for what hides what."""
-
-BEHIND = 1.1
-"""So many times as far as the nearest point of its part, and a point counts as hidden."""
-
-MOST_POINTS = 200_000
-"""Of a larger cloud, every second, third … point is taken."""
+MAX_POINTS = 200_000
+"""Of a larger cloud, every second, third … point is read."""
 
 _HEAD_BYTES = 1 << 16
 _TYPES = {
@@ -70,7 +58,7 @@ def check_points(path: Path) -> None:
 def read_points(path: Path) -> Float64[np.ndarray, "n 3"]:
     """Read the points of a .ply, ascii or binary; those that are not finite are left out.
 
-    At most `MOST_POINTS`, taken at even steps.
+    At most `MAX_POINTS`, evenly spaced in the file.
 
     Raises:
         RecordingError: As `check_points`, or the file is cut off.
@@ -95,7 +83,7 @@ def read_points(path: Path) -> Float64[np.ndarray, "n 3"]:
         columns = [table[:, names.index(name)] for name in ("x", "y", "z")]
     points = np.stack(columns, axis=1)
     points = points[np.isfinite(points).all(axis=1)]
-    return points[:: max(1, -(-len(points) // MOST_POINTS))]
+    return points[:: max(1, -(-len(points) // MAX_POINTS))]
 
 
 def encode_points(points_m: Float[np.ndarray, "n 3"]) -> bytes:
@@ -103,24 +91,6 @@ def encode_points(points_m: Float[np.ndarray, "n 3"]) -> bytes:
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points_m)}"]
     head += [f"property float {name}" for name in "xyz"]
     return "\n".join([*head, "end_header", ""]).encode() + points_m.astype("<f4").tobytes()
-
-
-def seen_points(points_m: Float64[np.ndarray, "n 3"], camera: Camera) -> Float64[np.ndarray, "m 3"]:
-    """Return the points of a cloud that lie in a camera's picture and are not hidden there.
-
-    The picture is cut into squares, `PARTS` along its longer side. In each, what is more than
-    `BEHIND` times as far as the nearest point is left out. Where a cloud is so sparse that a square
-    holds nothing of what hides a point, the point is kept.
-    """
-    xy_px, depth_m = camera.px_from_world(points_m)
-    size_px = np.array(camera.pinhole.size_px)
-    inside = (depth_m > 0) & ((xy_px >= 0) & (xy_px < size_px)).all(axis=1)
-    points_m, xy_px, depth_m = points_m[inside], xy_px[inside], depth_m[inside]
-    x, y = (xy_px * PARTS / size_px.max()).astype(np.int64).T
-    part = y * PARTS + x
-    nearest_m = np.full(PARTS * PARTS, np.inf)
-    np.minimum.at(nearest_m, part, depth_m)
-    return points_m[depth_m <= BEHIND * nearest_m[part]]
 
 
 def _layout(path: Path, data: bytes) -> _Layout:

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import simplejpeg
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, Integer, UInt8
 
 from peaking.errors import RecordingError
 
@@ -116,6 +116,15 @@ def read_depth(path: Path, unit_m: float) -> Float32[np.ndarray, "h w"]:
             remedy="remove depth_file_path from this frame, or leave the frame out",
         )
     return stored * np.float32(unit_m)
+
+
+def read_grey(path: Path) -> Integer[np.ndarray, "h w"]:
+    """Decode a grey picture of 8 or 16 bits as it is stored.
+
+    Raises:
+        RecordingError: The file cannot be read, or is not complete.
+    """
+    return _decode(path, _bytes(path))
 
 
 def _bytes(path: Path, count: int = -1) -> bytes:

@@ -18,9 +18,9 @@ import torch
 from jaxtyping import Float32, UInt8
 from transformers import AutoConfig, AutoModelForDepthEstimation
 
-from peaking.depth.estimator import DepthRuntime, Device
-from peaking.errors import BackendUnavailable, WeightsError
-from peaking.weights import weights_folder
+from peaking.checkpoints import checkpoints_folder
+from peaking.errors import BackendUnavailable, CheckpointError
+from peaking.options import DepthRuntime, Device
 
 METRIC_KINDS = ("zoedepth", "glpn")
 """Architectures that give metres always; of others the configuration says it."""
@@ -56,7 +56,7 @@ class Preparation:
         """Read a preprocessor_config.json.
 
         Raises:
-            WeightsError: It is missing or not as it should be.
+            CheckpointError: It is missing or not as it should be.
         """
         try:
             said: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -71,7 +71,7 @@ class Preparation:
                 std=_three(said.get("image_std", (0.229, 0.224, 0.225))),
             )
         except (OSError, ValueError, TypeError, AttributeError) as error:
-            raise WeightsError(
+            raise CheckpointError(
                 f"{path}: cannot be used ({error}); put the model's own file there"
             ) from error
 
@@ -141,7 +141,7 @@ class HubDepth:
         """Read a model from a folder.
 
         Raises:
-            WeightsError: Its files cannot be used.
+            CheckpointError: Its files cannot be used.
             BackendUnavailable: CUDA or OpenVINO was asked for and is not there.
         """
         if runtime != "pytorch" and device == "cuda":
@@ -156,7 +156,7 @@ class HubDepth:
             ).eval()
         except Exception as error:  # damaged files raise anything
             first = str(error).strip().splitlines()[0][:200] if str(error) else repr(error)
-            raise WeightsError(
+            raise CheckpointError(
                 f"{folder}: the depth model cannot be read ({first}); "
                 "put its config.json and model.safetensors there again"
             ) from error
@@ -170,7 +170,7 @@ class HubDepth:
             from peaking.depth.on_openvino import OnOpenVino
 
             precision = "bf16" if runtime == "openvino-bf16" else "f32"
-            run = OnOpenVino(model, folder, weights_folder() / "openvino", precision)
+            run = OnOpenVino(model, folder, checkpoints_folder() / "openvino", precision)
         return HubDepth(run, preparation, name=folder.name, metric=metric)
 
     def __call__(self, rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from peaking.render import Backend, Rendering
+from peaking.options import DEFAULT
+from peaking.rendering import Backend, Rendering
 
-LEAST_ALPHA = 0.5
+MIN_ALPHA = 0.5
 """Opacity below which a pixel counts as missing."""
 
 GAIN_STRIDE = 5
@@ -17,24 +18,6 @@ GAIN_STRIDE = 5
 
 GAIN_RANGE = 2.0
 """Exposure is compensated by at most this factor, up or down."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """How pixels are compared."""
-
-    threshold: float = 0.4
-    """Error above which a pixel is peaked, t of the paper; 0…3."""
-    shift_px: int = 0
-    """Pixels by which the rendering may be displaced without counting as wrong; 0 or 1."""
-    compensate_exposure: bool = False
-    """Compare after a gain per colour channel that makes the medians equal."""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.threshold < 3:
-            raise ValueError(f"need 0 < threshold < 3, got {self.threshold}")
-        if self.shift_px not in (0, 1):
-            raise ValueError(f"need shift_px of 0 or 1, got {self.shift_px}")
 
 
 @dataclass(frozen=True)
@@ -68,45 +51,61 @@ class ErrorMap:
 
 
 def compare(
-    view: Rendering,
+    rendering: Rendering,
     live: UInt8[np.ndarray, "h w 3"],
-    comparison: Comparison | None = None,
     *,
+    threshold: float = DEFAULT.error_threshold,
+    shift_px: int = DEFAULT.shift_px,
+    compensate_exposure: bool = DEFAULT.compensate_exposure,
     backend: Backend = "numba",
 ) -> ErrorMap:
-    """Compare a rendered view with the live picture of the same camera.
+    """Compare a rendering with the live picture of the same camera.
 
     The error of a pixel is `L(c_mpi, c_vid) = Σ_rgb |c_mpi - c_vid|` (paper, section 3.2) with the
     straight colour of the rendering, and black where nothing was rendered. With `shift_px` = 1 it
     is the least of the errors against the 3×3 rendered pixels around: a misalignment of one pixel,
     which is what phone tracking leaves, is then not an error, while wrong and missing content is.
 
+    Args:
+        rendering: What the captured views show.
+        live: What the camera sees.
+        threshold: Error above which a pixel is peaked, t of the paper; 0…3.
+        shift_px: Pixels by which the rendering may be displaced without counting as wrong; 0 or 1.
+        compensate_exposure: Compare after a gain per channel that makes the medians equal.
+        backend: Which implementation.
+
     Raises:
-        ValueError: The sizes differ.
+        ValueError: The sizes differ, or a number is out of its range.
     """
-    how = comparison or Comparison()
-    if live.shape[:2] != view.depth_m.shape:
+    if not 0 < threshold < 3:
+        raise ValueError(f"need 0 < threshold < 3, got {threshold}")
+    if shift_px not in (0, 1):
+        raise ValueError(f"need shift_px of 0 or 1, got {shift_px}")
+    if live.shape[:2] != rendering.depth_m.shape:
         raise ValueError(
-            f"need a live picture of the view's size {view.depth_m.shape}, got {live.shape[:2]}"
+            f"need a live picture of the rendering's size {rendering.depth_m.shape}, "
+            f"got {live.shape[:2]}"
         )
-    gain = exposure_gain(view, live) if how.compensate_exposure else np.ones(3, np.float32)
+    gain = exposure_gain(rendering, live) if compensate_exposure else np.ones(3, np.float32)
     if backend == "numpy":
         from peaking.error_map import _numpy as module
     else:
         from peaking.error_map import _numba as module
     error, peaked, missing = module.compare(
-        view.rgba, live, gain, threshold=how.threshold, shift_px=how.shift_px
+        rendering.rgba, live, gain, threshold=threshold, shift_px=shift_px, min_alpha=MIN_ALPHA
     )
     return ErrorMap(error, peaked, missing)
 
 
-def exposure_gain(view: Rendering, live: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "3"]:
+def exposure_gain(
+    rendering: Rendering, live: UInt8[np.ndarray, "h w 3"]
+) -> Float32[np.ndarray, "3"]:
     """Return the factor per channel by which the live picture is brighter than the rendering.
 
     The median over pixels that are well covered and neither dark nor clipped in either picture;
     1 where there are too few. A phone's automatic exposure and white balance change like this.
     """
-    rgba = view.rgba[::GAIN_STRIDE, ::GAIN_STRIDE].reshape(-1, 4)
+    rgba = rendering.rgba[::GAIN_STRIDE, ::GAIN_STRIDE].reshape(-1, 4)
     rgb = live[::GAIN_STRIDE, ::GAIN_STRIDE].reshape(-1, 3).astype(np.float32) / 255.0
     gain = np.ones(3, np.float32)
     for c in range(3):

@@ -6,10 +6,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from peaking import error_map
 
-
-def compare(rgba, live, gain, *, threshold, shift_px):
+def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
     """Compare; see `peaking.error_map.compare`."""
     height, width = live.shape[:2]
     error = np.empty((height, width), np.float32)
@@ -21,7 +19,7 @@ def compare(rgba, live, gain, *, threshold, shift_px):
         live,
         gain.astype(np.float32),
         np.float32(threshold),
-        np.float32(error_map.LEAST_ALPHA),
+        np.float32(min_alpha),
         error,
         peaked,
         missing,
@@ -35,7 +33,7 @@ def _rendered(rgba, y, x, c, gain, norm):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare(rgba, live, gain, threshold, least_alpha, error, peaked, missing):
+def _compare(rgba, live, gain, threshold, min_alpha, error, peaked, missing):
     height, width = error.shape
     unit = np.float32(1.0 / 255.0)
     for y in nb.prange(height):
@@ -49,7 +47,7 @@ def _compare(rgba, live, gain, threshold, least_alpha, error, peaked, missing):
                 )
             error[y, x] = total
             peaked[y, x] = total > threshold
-            missing[y, x] = alpha < least_alpha
+            missing[y, x] = alpha < min_alpha
 
 
 @nb.njit(cache=True, fastmath=True, inline="always")
@@ -67,7 +65,7 @@ def _prepare_row(rgba, y, gain, row):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare_shifted(rgba, live, gain, threshold, least_alpha, error, peaked, missing):
+def _compare_shifted(rgba, live, gain, threshold, min_alpha, error, peaked, missing):
     """Bands of rows, each with a ring of three prepared rows, so every row is prepared once."""
     height, width = error.shape
     unit = np.float32(1.0 / 255.0)
@@ -99,4 +97,4 @@ def _compare_shifted(rgba, live, gain, threshold, least_alpha, error, peaked, mi
             for x in range(width):
                 error[y, x] = best[x]
                 peaked[y, x] = best[x] > threshold
-                missing[y, x] = rgba[y, x, 3] < least_alpha
+                missing[y, x] = rgba[y, x, 3] < min_alpha

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from peaking import error_map
-
 
 def compare(
     rgba: Float32[np.ndarray, "h w 4"],
@@ -15,6 +13,7 @@ def compare(
     *,
     threshold: float,
     shift_px: int,
+    min_alpha: float,
 ) -> tuple[Float32[np.ndarray, "h w"], Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
     """Compare; see `peaking.error_map.compare`."""
     alpha = rgba[..., 3:].astype(np.float64)
@@ -29,4 +28,4 @@ def compare(
             moved = padded[dy : dy + height, dx : dx + width]
             error = np.minimum(error, np.abs(moved - video).sum(axis=-1))
     error32 = error.astype(np.float32)
-    return error32, error32 > np.float32(threshold), alpha[..., 0] < error_map.LEAST_ALPHA
+    return error32, error32 > np.float32(threshold), alpha[..., 0] < min_alpha

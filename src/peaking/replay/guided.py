@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from peaking.datasets.nerfstudio import Recording
+from peaking.datasets import Recording
 from peaking.errors import RecordingError
 from peaking.frame import working_size_px
 from peaking.geometry import Camera
@@ -21,16 +21,16 @@ from peaking.guidance.hemisphere import hemisphere
 from peaking.guidance.planes import plane_stack
 from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
 from peaking.guidance.scan import DepthScan, middle_depth_m
-from peaking.presets import Options
+from peaking.options import Options
 
 GuideKind = Literal["plenoptic", "planes", "hemisphere"]
 
-MOST_TARGETS = 20_000
+MAX_TARGETS = 20_000
 """A scene that is too near for its area asks for more than anyone can take."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuideChoice:
+class GuideOptions:
     """Which guide, and how."""
 
     kind: GuideKind
@@ -76,7 +76,7 @@ class GuidedWalk:
 
 
 def guided_walk(
-    recording: Recording, choice: GuideChoice, *, num_frames: int, options: Options
+    recording: Recording, choice: GuideOptions, *, num_frames: int, options: Options
 ) -> GuidedWalk:
     """Scan the first frames of a recording, place a guide in the middle of its path, choose frames.
 
@@ -111,11 +111,11 @@ def guided_walk(
         area_side_m=choice.area_side_m,
         num_planes=options.num_planes,
     )
-    if bound.views_per_side**2 > MOST_TARGETS:
+    if bound.views_per_side**2 > MAX_TARGETS:
         raise _refused(
             recording,
             f"the nearest thing, {z_min_m:.3f} m away, asks for {bound.views_per_side**2} views",
-            "choose a smaller --area",
+            "choose a smaller --area-m",
         )
     guide = _guide_of(choice, bound, cameras[anchor], middle_m[anchor] or z_min_m)
     chosen = _frames_of_targets(guide, cameras)
@@ -124,12 +124,14 @@ def guided_walk(
             recording,
             f"no frame is within {100 * guide.near_enough.position_m:.1f} cm and "
             f"{choice.angle_deg:g}° of one of {len(guide.targets)} targets",
-            "choose a larger --near, --angle or --area",
+            "choose a larger --near-m, --angle-deg or --area-m",
         )
     return GuidedWalk(guide, bound, chosen)
 
 
-def _guide_of(choice: GuideChoice, bound: PlenopticBound, anchor: Camera, radius_m: float) -> Guide:
+def _guide_of(
+    choice: GuideOptions, bound: PlenopticBound, anchor: Camera, radius_m: float
+) -> Guide:
     pose = anchor.world_from_cam
     if choice.kind == "plenoptic":
         guide = plenoptic_grid(pose, bound)
@@ -174,4 +176,4 @@ def _frames_of_targets(guide: Guide, cameras: dict[int, Camera]) -> dict[int, in
 
 
 def _refused(recording: Recording, problem: str, remedy: str) -> RecordingError:
-    return RecordingError(recording.root / "transforms.json", problem, remedy=remedy)
+    return RecordingError(recording.path, problem, remedy=remedy)

@@ -8,7 +8,7 @@ import json
 import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from peaking.output import plain
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:
-    """One frame of a recording, as the virtual photographer saw it.
+    """One frame of a recording, as it was seen on the walk.
 
     Before the first view is captured there is nothing to render, so frames have no shares, no
     error and no nearest view (None); frame 0 is such a frame, and is captured if it has depth. The
@@ -36,7 +36,9 @@ class FrameRecord:
         peaked_share: Pixels shown red, 0…1 of the picture.
         missing_share: Pixels that no captured view has seen, 0…1 of the picture.
         mean_error: Mean over the picture of the error, in the error's own unit.
-        captured: Whether a view was made of this frame.
+        captured: Whether a view was made of this frame; in the end, whether it was kept.
+        reason: Why the policy decided so.
+        let_go_at: The frame at which this view was given up; None if it was kept, or never taken.
         stage_ms: Milliseconds that each stage took.
     """
 
@@ -51,6 +53,8 @@ class FrameRecord:
     peaked_share: float | None = None
     missing_share: float | None = None
     mean_error: float | None = None
+    reason: str = ""
+    let_go_at: int | None = None
     stage_ms: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
@@ -82,6 +86,8 @@ class ReplaySettings:
         size_px: Width and height of the pictures that were compared.
         fps: Frames per second of the overlay video.
         threshold_share: A frame with a greater peaked share is captured.
+        policy: The policy that chose the frames.
+        num_views: How many views it was asked for; None where it goes by something else.
         guide: The guide whose targets were captured instead: its kind, how many targets it has and
             how many were reached, and what they follow from. None without one.
     """
@@ -93,6 +99,8 @@ class ReplaySettings:
     size_px: tuple[int, int]
     fps: float
     threshold_share: float
+    policy: str = "threshold"
+    num_views: int | None = None
     guide: Mapping[str, object] | None = None
 
 
@@ -118,6 +126,13 @@ class ReplaySummary:
     def captured(self) -> int:
         """Number of captured frames."""
         return len(self.captured_indices)
+
+
+def with_fate(record: FrameRecord, let_go_at: Mapping[int, int]) -> FrameRecord:
+    """Return the record with what became of its view by the end of the walk."""
+    if record.index not in let_go_at:
+        return record
+    return replace(record, captured=False, let_go_at=let_go_at[record.index])
 
 
 def summarize(settings: ReplaySettings, records: Sequence[FrameRecord]) -> ReplaySummary:
@@ -152,7 +167,7 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(
         [
-            *("index", "name", "timestamp_s", "captured"),
+            *("index", "name", "timestamp_s", "captured", "let_go_at", "reason"),
             *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
             *("position_x_m", "position_y_m", "position_z_m"),
             *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
@@ -163,7 +178,8 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
         table.writerow(
             [
                 *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
-                "true" if r.captured else "false",
+                *("true" if r.captured else "false", "" if r.let_go_at is None else r.let_go_at),
+                r.reason,
                 *(_cell(r.peaked_share), _cell(r.missing_share)),
                 *(_cell(r.mean_error), _cell(r.nearest_distance_m)),
                 *(_cell(float(x)) for x in (*r.position_m, *r.forward, *r.up)),
@@ -192,6 +208,8 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
         "size_px": list(settings.size_px),
         "fps": settings.fps,
         "threshold_share": settings.threshold_share,
+        "policy": settings.policy,
+        "num_views": settings.num_views,
         **({} if settings.guide is None else {"guide": plain(settings.guide)}),
         "frames": summary.frames,
         "captured": summary.captured,

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from peaking.page import both_sizes, html_page, jpeg_image, legend, options_table, resource
 from peaking.replay.charts import MAX_POINTS, percent, share_chart
 from peaking.replay.path_map import MapView, map_view, path_map
 from peaking.replay.records import FrameRecord, ReplaySettings, ReplaySummary, write_text
 from peaking.replay.stills import Still, encode_stills
+from peaking.reports.page import both_sizes, html_page, jpeg_image, legend, options_table, resource
 
 PAGE_BYTES = 2_900_000
 """The page stays below this; the stills take what the rest leaves, and shrink if they must."""
@@ -110,6 +110,9 @@ def _numbers(summary: ReplaySummary) -> str:
 
 def _what_decided(settings: ReplaySettings) -> tuple[str, str, str]:
     guide = settings.guide
+    if guide is None and settings.policy != "threshold":
+        count = "all" if settings.num_views is None else str(settings.num_views)
+        return "Policy", html.escape(settings.policy), f"views asked for: {count}"
     if guide is None:
         return "Threshold", percent(settings.threshold_share), "more than this: captured"
     reached = f"{guide['reached']} / {guide['targets']}"

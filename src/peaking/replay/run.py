@@ -1,69 +1,71 @@
-"""The virtual photographer: walk a recording, and capture where the error peaks say so.
+"""Walk a recording, and capture the frames that a policy takes (paper, section 4.2).
 
-The first frame is captured; after it, every frame whose peaked share exceeds the threshold (paper,
-section 4.2). With a guide, the frames at its targets are, whatever is red (`guided`).
+The paper's policy captures the first frame, and after it every frame whose peaked share exceeds the
+threshold; all policies of `peaking.selection` can be used. With a guide, the frames at its targets
+are captured, whatever is red (`guided`).
 """
 
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 import peaking
-from peaking.datasets.nerfstudio import Recording, write_recording_subset
+from peaking.datasets import Recording
 from peaking.errors import RecordingError
 from peaking.frame import Frame
+from peaking.geometry import Camera
+from peaking.light_field import Comparison
+from peaking.mpi import Mpi
+from peaking.options import Options
 from peaking.output import complete_or_absent
 from peaking.overlay import Overlay, draw, mpi_over_black
-from peaking.pipeline import LocalLightField, Seen
-from peaking.presets import Options
-from peaking.replay.guided import GuideChoice, GuidedWalk, guided_walk
+from peaking.pipeline import Reconstruction
+from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
     ReplaySettings,
     ReplaySummary,
     summarize,
+    with_fate,
     write_frames_csv,
     write_summary,
 )
 from peaking.replay.report import write_report
 from peaking.replay.stills import StillPicker
 from peaking.replay.video import VideoWriter
+from peaking.selection.policy import Chosen, Decision, Policy
+from peaking.selection.recorded_frames import RecordedFrames
+from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
 from peaking.timing import Stopwatch
 
-PAPER_THRESHOLD_SHARE = 0.0428
-"""Mean peaked share over all viewpoints and participants of the paper's study."""
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
+FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 """Wraps the frame numbers to show how far the walk is, such as `tqdm`."""
 
 
 @dataclass(frozen=True)
-class ReplayPlan:
+class ReplayOptions:
     """What to replay, and how."""
 
     recording: Recording
     preset: str
-    options: Options
-    threshold_share: float = PAPER_THRESHOLD_SHARE
-    """A frame with a greater peaked share is captured, 0…1."""
+    method: Options
+    selection: SelectionOptions = field(default_factory=SelectionOptions)
+    """The policy that decides which frames are captured."""
     max_frames: int | None = None
     overlay: Overlay = "peaks"
     """The third picture of the video."""
     fps: float = 15.0
     with_video: bool = True
-    guide: GuideChoice | None = None
-    """Capture at the targets of a guide instead of where it is red."""
+    guide: GuideOptions | None = None
+    """Capture at the targets of a guide instead."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.threshold_share < 1:
-            raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
         if self.max_frames is not None and self.max_frames < 1:
             raise ValueError(f"need max_frames >= 1, got {self.max_frames}")
         if self.fps <= 0:
@@ -77,58 +79,121 @@ class ReplayPlan:
 
 
 @dataclass(frozen=True)
-class Step:
+class WalkedFrame:
     """One frame of the walk: what was seen before the decision, and the decision."""
 
     frame: Frame
-    seen: Seen | None
+    seen: Comparison | None
+    decision: Decision
     record: FrameRecord
 
 
-def walk(
-    plan: ReplayPlan, *, guided: GuidedWalk | None = None, progress: Progress = iter
-) -> Iterator[Step]:
-    """Walk the recording frame by frame.
+class Walk:
+    """Walks a recording frame by frame and captures what the policy takes.
 
-    Without a depth model, a frame without depth can be looked at but not captured; the next one
-    with depth is.
-
-    Args:
-        plan: What to replay.
-        guided: The frames to capture, of the plan's guide; without it, those that are too red.
-        progress: Wraps the frame numbers.
-
-    Raises:
-        RecordingError: A frame cannot be read, or no frame has depth.
+    Without a depth model, a frame without depth can be looked at but not captured.
     """
-    stopwatch = Stopwatch(time.perf_counter)
-    scene = LocalLightField(plan.options, stopwatch=stopwatch)
-    for index in progress(range(plan.num_frames)):
-        with stopwatch.stage("read"):
-            frame = plan.recording.read(index)
-        with stopwatch.stage("resize"):
-            small = scene.prepare(frame)
-        seen = scene.see(small.rgb, small.camera) if scene.views else None
-        if guided is None:
-            wanted = seen is None or seen.errors.peaked_share > plan.threshold_share
-        else:
-            wanted = index in guided.target_of_frame
-        captured = wanted and scene.takes(frame)
-        if captured:
-            scene.add_view(frame)
-        yield Step(small, seen, _record(index, small, seen, captured, stopwatch.take()))
-    if not scene.views:
-        raise RecordingError(
-            plan.recording.root / "transforms.json",
-            "no frame has metric depth",
-            field="frames[*].depth_file_path",
-            remedy="replay a recording with depth (16-bit PNG, millimetres), or have it estimated: "
-            "--depth-model",
-        )
+
+    def __init__(self, how: ReplayOptions, policy: Policy) -> None:
+        """Stand before the first frame."""
+        self._how = how
+        self._policy = policy
+        self._stopwatch = Stopwatch()
+        self._scene = Reconstruction(how.method, stopwatch=self._stopwatch)
+        self._views: list[int] = []
+        self.let_go_at: dict[int, int] = {}
+        """Frames that were captured and given up, and the frame at which they were."""
+
+    @property
+    def views(self) -> Sequence[int]:
+        """Frames that are captured now, in order."""
+        return tuple(self._views)
+
+    def frames(self, *, progress: FrameProgress = iter) -> Iterator[WalkedFrame]:
+        """Walk.
+
+        Args:
+            progress: Wraps the frame numbers.
+
+        Raises:
+            RecordingError: A frame cannot be read, or no frame can be captured.
+        """
+        last = 0
+        for index in progress(range(self._how.num_frames)):
+            last = index
+            with self._stopwatch.stage("read"):
+                frame = self._how.recording.read(index)
+            with self._stopwatch.stage("resize"):
+                small = self._scene.prepare(frame)
+            seen = self._scene.compare(small.rgb, small.camera) if self._views else None
+            decision = self._policy.observe(
+                ReplayCandidate(index, frame, small.camera, self._scene, tuple(self._views), seen)
+            )
+            self._let_go(decision, index)
+            if decision.take:
+                self._scene.add_view(frame)
+                self._views.append(index)
+            yield WalkedFrame(
+                small, seen, decision, _record(index, small, seen, decision, self._stopwatch.take())
+            )
+        self._let_go(self._policy.finish(), last)
+        if not self._views and not self.let_go_at:
+            raise RecordingError(
+                self._how.recording.path,
+                "no frame that the policy wanted has metric depth",
+                remedy="replay a recording with depth (16-bit PNG, millimetres), or have it "
+                "estimated: --depth-model",
+            )
+
+    def _let_go(self, decision: Decision, index: int) -> None:
+        for number in decision.let_go:
+            place = self._views.index(number)
+            self._scene.remove_view(place)
+            del self._views[place]
+            self.let_go_at[number] = index
+
+
+@dataclass(frozen=True)
+class ReplayCandidate:
+    """The frame that is walked over, as a policy sees it (`selection.policy.Candidate`)."""
+
+    number: int
+    full: Frame
+    camera: Camera
+    scene: Reconstruction
+    views: tuple[int, ...]
+    seen: Comparison | None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it can be captured."""
+        return self.scene.accepts(self.full)
+
+    def frame(self, pixels: int) -> Frame:
+        """Return the picture and its camera with about so many pixels."""
+        return self.scene.builder.with_pixels(pixels).prepare(self.full)
+
+    def mpi(self, pixels: int) -> Mpi:
+        """Return its MPI with about so many pixels."""
+        return self.scene.builder.with_pixels(pixels).build(self.full, self.scene.views).mpi
+
+    def peaked_share(self, views: Sequence[int]) -> float:
+        """Return how much of it is red where the views captured so far show it.
+
+        Raises:
+            ValueError: These are not the views captured so far.
+        """
+        if tuple(views) != self.views or self.seen is None:
+            raise ValueError(f"need the views captured so far, {self.views}, got {tuple(views)}")
+        return self.seen.errors.peaked_share
 
 
 def _record(
-    index: int, small: Frame, seen: Seen | None, captured: bool, stage_ms: dict[str, float]
+    index: int,
+    small: Frame,
+    seen: Comparison | None,
+    decision: Decision,
+    stage_ms: dict[str, float],
 ) -> FrameRecord:
     rotation = small.camera.world_from_cam.rotation
     return FrameRecord(
@@ -138,7 +203,8 @@ def _record(
         position_m=small.camera.position_m,
         forward=rotation[:, 2],
         up=-rotation[:, 1],
-        captured=captured,
+        captured=decision.take,
+        reason=decision.reason,
         nearest_distance_m=min(n.distance_m for n in seen.neighbours) if seen else None,
         peaked_share=seen.errors.peaked_share if seen else None,
         missing_share=seen.errors.missing_share if seen else None,
@@ -147,7 +213,7 @@ def _record(
     )
 
 
-def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplaySummary:
+def replay(how: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> ReplaySummary:
     """Replay and write `overlay.mp4`, `frames.csv`, `summary.json`, `report.html`, `captured/`.
 
     Raises:
@@ -156,47 +222,51 @@ def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplayS
         ToolMissing: There is no program to encode the video with.
     """
     with complete_or_absent(out) as folder:
-        guided = _scanned(plan)
+        guided = _scanned(how)
+        walk = Walk(how, _policy(how, guided))
         records: list[FrameRecord] = []
         stills = StillPicker()
         size_px = (0, 0)
         with contextlib.ExitStack() as stack:
             video: tuple[OverlayVideo, VideoWriter] | None = None
-            for step in walk(plan, guided=guided, progress=progress):
-                panels = _panels(step, plan.overlay)
-                size_px = step.frame.camera.pinhole.size_px
-                if plan.with_video:
+            for walked in walk.frames(progress=progress):
+                panels = _panels(walked, how.overlay)
+                size_px = walked.frame.camera.pinhole.size_px
+                if how.with_video:
                     if video is None:
                         drawing = OverlayVideo(
                             size_px,
-                            frames=plan.num_frames,
-                            fps=plan.fps,
-                            threshold_share=plan.threshold_share,
+                            frames=how.num_frames,
+                            fps=how.fps,
+                            threshold_share=how.selection.threshold_share,
                         )
-                        writer = VideoWriter(folder / "overlay.mp4", drawing.size_px, fps=plan.fps)
+                        writer = VideoWriter(folder / "overlay.mp4", drawing.size_px, fps=how.fps)
                         video = drawing, stack.enter_context(writer)
-                    video[1].write(video[0].draw(panels, step.record))
-                stills.offer(step.record, panels)
-                records.append(step.record)
+                    video[1].write(video[0].draw(panels, walked.record))
+                stills.offer(walked.record, panels)
+                records.append(walked.record)
+        records = [with_fate(record, walk.let_go_at) for record in records]
         settings = ReplaySettings(
             version=peaking.__version__,
-            preset=plan.preset,
+            preset=how.preset,
             options={
-                **plan.options.as_dict(),
-                "threshold_share": plan.threshold_share,
-                "max_frames": plan.max_frames,
-                "overlay": plan.overlay,
+                **how.method.as_dict(),
+                **asdict(how.selection),
+                "max_frames": how.max_frames,
+                "overlay": how.overlay,
             },
-            scene=plan.recording.root.resolve().name,
+            scene=how.recording.name,
             size_px=size_px,
-            fps=plan.fps,
-            threshold_share=plan.threshold_share,
+            fps=how.fps,
+            threshold_share=how.selection.threshold_share,
+            policy=how.selection.policy,
+            num_views=how.selection.num_views,
             guide=None
-            if plan.guide is None or guided is None
-            else {"kind": plan.guide.kind, **guided.as_dict()},
+            if how.guide is None or guided is None
+            else {"kind": how.guide.kind, **guided.as_dict()},
         )
         summary = summarize(settings, records)
-        write_recording_subset(plan.recording, summary.captured_indices, folder / "captured")
+        how.recording.write_subset(summary.captured_indices, folder / "captured")
         write_frames_csv(folder / "frames.csv", records)
         write_summary(folder / "summary.json", summary)
         write_report(
@@ -205,16 +275,29 @@ def replay(plan: ReplayPlan, out: Path, *, progress: Progress = iter) -> ReplayS
     return summary
 
 
-def _scanned(plan: ReplayPlan) -> GuidedWalk | None:
-    if plan.guide is None:
+def _scanned(how: ReplayOptions) -> GuidedWalk | None:
+    if how.guide is None:
         return None
-    return guided_walk(plan.recording, plan.guide, num_frames=plan.num_frames, options=plan.options)
+    return guided_walk(how.recording, how.guide, num_frames=how.num_frames, options=how.method)
 
 
-def _panels(step: Step, overlay: Overlay) -> Panels:
-    if step.seen is None:
-        black = np.zeros_like(step.frame.rgb)
-        return Panels(step.frame.rgb, black, black)
-    seen, live = step.seen, step.frame.rgb
-    third = draw(overlay, view=seen.view, errors=seen.errors, live=live)
-    return Panels(live, mpi_over_black(seen.view), third)
+def _policy(how: ReplayOptions, guided: GuidedWalk | None) -> Policy:
+    """Return what decides; policies that need the whole path look at it first."""
+    if guided is not None:
+        return Chosen({i: f"target {target}" for i, target in guided.target_of_frame.items()})
+    try:
+        return create_policy(how.selection, how.method)
+    except NeedsWholePath:
+        recorded = RecordedFrames(how.recording, how.method)
+        usable = [i for i in range(how.num_frames) if recorded.path([i]).candidates[0].accepted]
+        return create_policy(how.selection, how.method, path=recorded.path(usable))
+
+
+def _panels(walked: WalkedFrame, overlay: Overlay) -> Panels:
+    live = walked.frame.rgb
+    if walked.seen is None:
+        black = np.zeros_like(live)
+        return Panels(live, black, black)
+    rendering, errors = walked.seen.rendering, walked.seen.errors
+    third = draw(overlay, rendering=rendering, errors=errors, live=live)
+    return Panels(live, mpi_over_black(rendering), third)

@@ -25,8 +25,8 @@ from starlette.staticfiles import StaticFiles
 import peaking
 from peaking.datasets.stored_images import read_picture
 from peaking.errors import PeakingError
+from peaking.options import DEFAULT, Options
 from peaking.output import encode_jpeg, write_atomically
-from peaking.presets import DEFAULT, Options
 from peaking.server import wire
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
@@ -108,10 +108,7 @@ class _Handlers:
             wire.ServerInfo(
                 protocol=wire.PROTOCOL,
                 version=peaking.__version__,
-                options=msgspec.convert(
-                    {name: getattr(options, name) for name in wire.Options.__struct_fields__},
-                    wire.Options,
-                ),
+                options=wire.options_for_clients(options),
                 recordings=list(self.config.recordings),
                 warm=self.queue.warm,
                 max_upload_bytes=self.config.max_upload_bytes,

@@ -11,19 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from peaking.depth.estimator import estimator_named
+from peaking.depth.registry import create_estimator
 from peaking.errors import PeakingError
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
-from peaking.metric_depth import NEIGHBOURS, Captured
+from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
-from peaking.nearest import nearest_by_distance
-from peaking.pipeline import LocalLightField
-from peaking.presets import Options
+from peaking.options import Options
 from peaking.server import wire
 from peaking.server.durable import DiskFull
 from peaking.server.open_session import FAST, OpenSession
 from peaking.server.upload import camera_of_wire
+from peaking.view_builder import ViewBuilder
 
 CAPACITY = 64
 ROOM_AGAIN_S = 5.0
@@ -57,7 +56,7 @@ class GenerationQueue:
 
         Raises:
             BackendUnavailable: PyTorch is asked for by the options, and is not there.
-            WeightsError: Weights are missing or cannot be used.
+            CheckpointError: Weights are missing or cannot be used.
         """
         self._on_done = on_done
         self._capacity = capacity
@@ -69,7 +68,7 @@ class GenerationQueue:
         self._fast = replace(options, generator=FAST)
         self._estimator = None
         if options.depth_model is not None:
-            self._estimator = estimator_named(
+            self._estimator = create_estimator(
                 options.depth_model, device=options.device, runtime=options.depth_runtime
             )
         self._threads = [
@@ -78,7 +77,7 @@ class GenerationQueue:
         ]
         self._improves = options.generator != FAST
         if self._improves:
-            better = LocalLightField(options, estimator=self._estimator)
+            better = ViewBuilder(options, estimator=self._estimator)
             self._threads.append(
                 threading.Thread(
                     target=self._improve, args=(better,), name="mpi-better", daemon=True
@@ -123,13 +122,13 @@ class GenerationQueue:
     # At once
 
     def _work(self) -> None:
-        field = LocalLightField(self._fast, estimator=self._estimator)
-        encode(field.mpi_of(_small_frame()))
+        builder = ViewBuilder(self._fast, estimator=self._estimator)
+        encode(builder.generate(_small_frame()))
         self._warm.set()
         while (item := self._next()) is not None:
             session, capture_id = item
             try:
-                self._serve(field, session, session.capture(capture_id))
+                self._serve(builder, session, session.capture(capture_id))
             except Exception:  # whatever it is, the next capture must be served
                 _log.exception("capture %s was not served to the end", capture_id)
 
@@ -144,8 +143,8 @@ class GenerationQueue:
                 with contextlib.suppress(queue.Empty):  # another thread may have taken it
                     return self._short_of_room.get_nowait()
 
-    def _serve(self, field: LocalLightField, session: OpenSession, before: wire.Capture) -> None:
-        after = self._make(field, session, before)
+    def _serve(self, builder: ViewBuilder, session: OpenSession, before: wire.Capture) -> None:
+        after = self._make(builder, session, before)
         self._on_done(session, after)
         if after.state != "ready" or after.removed or after.guessed:
             return
@@ -155,14 +154,18 @@ class GenerationQueue:
             self._better.put((session, after.id))
 
     def _make(
-        self, field: LocalLightField, session: OpenSession, capture: wire.Capture
+        self, builder: ViewBuilder, session: OpenSession, capture: wire.Capture
     ) -> wire.Capture:
         if capture.removed or (capture.state == "ready" and not capture.guessed):
             return capture
         try:
             frame = session.frame_of(capture.id)
-            made = field.captured(frame, self._others(field, session, capture, frame))
-            if capture.state == "ready" and not made.metric:
+            others = self._others(builder, session, capture, frame)
+            if capture.state == "ready":
+                made = builder.rebuild_guessed(frame, others)
+            else:
+                made = builder.build(frame, others)
+            if made is None:
                 return capture  # as much of a guess as before
             ready = _kept(session, capture, made)
             self._disk_full = False
@@ -189,15 +192,15 @@ class GenerationQueue:
 
     # Better ones, later
 
-    def _improve(self, field: LocalLightField) -> None:
+    def _improve(self, builder: ViewBuilder) -> None:
         while (item := self._better.get()) is not None:
             session, capture_id = item
             capture = session.capture(capture_id)
-            if capture.removed or capture.guessed or capture.generator == field.options.generator:
+            if capture.removed or capture.guessed or capture.generator == builder.options.generator:
                 continue
             try:
                 frame = session.frame_of(capture_id)
-                made = field.captured(frame, self._others(field, session, capture, frame))
+                made = builder.build(frame, self._others(builder, session, capture, frame))
                 if made.metric:
                     self._on_done(session, _kept(session, capture, made))
             except PeakingError as error:
@@ -210,8 +213,8 @@ class GenerationQueue:
     # Neighbours
 
     def _others(
-        self, field: LocalLightField, session: OpenSession, capture: wire.Capture, frame: Frame
-    ) -> list[Captured]:
+        self, builder: ViewBuilder, session: OpenSession, capture: wire.Capture, frame: Frame
+    ) -> list[CapturedView]:
         """Return the views around a capture without depth, which may tell its scale."""
         if self._estimator is None or frame.depth_m is not None:
             return []
@@ -221,21 +224,17 @@ class GenerationQueue:
             if other.id != capture.id and not other.removed and other.state == "ready"
         ]
         cameras = [camera_of_wire(other.camera) for other in around]
-        if not cameras:
-            return []
-        count = min(NEIGHBOURS, len(cameras))
-        nearest = nearest_by_distance(cameras, frame.camera, count=count)
         return [
-            Captured(
-                field.prepare(session.frame_of(other.id)),
+            CapturedView(
+                builder.prepare(session.frame_of(other.id)),
                 read_mpi(session.mpi_path(other.id, other.mpi_version)),
                 metric=not other.guessed,
             )
-            for other in (around[neighbour.index] for neighbour in nearest)
+            for other in (around[number] for number in views_to_ask(cameras, frame.camera))
         ]
 
 
-def _kept(session: OpenSession, capture: wire.Capture, made: Captured) -> wire.Capture:
+def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wire.Capture:
     kept = session.mark_ready(
         capture.id, encode(made.mpi), generator=made.mpi.generator, guessed=not made.metric
     )

@@ -22,8 +22,8 @@ from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import PeakingError, RecordingError
 from peaking.event_log import append
 from peaking.frame import Frame
-from peaking.generate.by_name import GeneratorName
 from peaking.mpi_file import is_current
+from peaking.options import GeneratorName
 from peaking.output import encode_png, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import (

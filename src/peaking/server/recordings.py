@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from peaking.datasets.nerfstudio import Recording
-from peaking.datasets.stored_images import depth_size_px
+from peaking.datasets import Recording
 from peaking.geometry import Camera
 from peaking.output import encode_jpeg
 from peaking.server import wire
@@ -28,13 +27,11 @@ class PlayedRecording:
     def index(self) -> wire.RecordingIndex:
         """Cameras and sizes of all frames."""
         frames: list[wire.RecordedFrame] = []
-        for view in self.recording.views:
-            depth = None
-            if view.depth is not None:
-                width, height = depth_size_px(self.recording.root / view.depth)
-                depth = wire.DepthLayout(width, height)
-            frames.append(wire.RecordedFrame(wire_of_camera(view.camera), depth))
-        return wire.RecordingIndex(self.name, _fps(self.recording.timestamps), frames)
+        for number, camera in enumerate(self.recording.cameras):
+            size_px = self.recording.depth_size_px(number)
+            depth = None if size_px is None else wire.DepthLayout(*size_px)
+            frames.append(wire.RecordedFrame(wire_of_camera(camera), depth))
+        return wire.RecordingIndex(self.name, _fps(self.recording.timestamps_s), frames)
 
     def photo(self, index: int) -> bytes:
         """Return a picture as JPEG, its distortion taken out.

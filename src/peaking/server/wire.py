@@ -7,10 +7,13 @@ and units: CONVENTIONS.md. Phones turn WebXR's axes to OpenCV's before they send
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import msgspec
 from msgspec import Meta
+
+from peaking import options as method
 
 PROTOCOL = 2
 """Goes up when an older client would misunderstand; both sides refuse another version."""
@@ -37,7 +40,7 @@ MAX_NEIGHBOURS = 8
 MAX_GUIDED_TARGETS = 400
 """Targets that a person is asked to reach; a guide that needs more is refused."""
 
-PAPER_PEAKED_SHARE = 0.0428
+PAPER_PEAKED_SHARE = method.PAPER_PEAKED_SHARE
 """The paper's mean peaked share: below it, a view from here would not have been worth it."""
 
 PING_S = 10.0
@@ -204,21 +207,45 @@ class PeakedSamples(Struct, frozen=True):
     samples: Annotated[list[PeakedSample], Meta(max_length=100_000)]
 
 
-class Options(Struct, frozen=True):
-    """How a client renders and compares; the fields are those of `peaking.presets.Options`."""
+def _client_options() -> list[tuple[str, Any] | tuple[str, Any, Any]]:
+    """Return the fields of `Options`: those of the method's options that a client needs."""
+    types = get_type_hints(method.Options) | {
+        "neighbours": Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)]
+    }
+    return [
+        (option.name, types[option.name])
+        if option.default is dataclasses.MISSING
+        else (option.name, types[option.name], option.default)
+        for option in dataclasses.fields(method.Options)
+        if option.name not in method.MACHINE_OPTIONS
+    ]
 
-    pixels: int
-    num_planes: int
-    neighbours: Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)]
-    weights: Literal["paper", "overlap"]
-    opacity: Literal["paper", "seen"]
-    error_threshold: float
-    shift_px: int
-    compensate_exposure: bool
-    generator: str
-    """Who makes the MPIs in the end; `layered` ones are there at once."""
-    depth_model: str | None = None
-    """Estimates the depth of photos without; when null, these get no MPI."""
+
+if TYPE_CHECKING:
+    Options = method.Options
+else:
+    Options = msgspec.defstruct(
+        "Options",
+        _client_options(),
+        bases=(Struct,),
+        frozen=True,
+        module=__name__,
+        namespace={
+            "__doc__": "How a client renders and compares; the fields are those of "
+            "`peaking.options.Options` without those that say how the server computes."
+        },
+    )
+
+
+def options_for_clients(options: method.Options) -> Options:
+    """Return what clients are told of the method's options."""
+    return Options(
+        **{
+            option.name: getattr(options, option.name)
+            for option in dataclasses.fields(method.Options)
+            if option.name not in method.MACHINE_OPTIONS
+        }
+    )
 
 
 class ServerInfo(Struct, frozen=True):

@@ -8,39 +8,47 @@ from jaxtyping import Float32
 from peaking.frame import Frame
 from peaking.splat._adam_numba import adam_step
 from peaking.splat.loss import loss_and_gradient
-from peaking.splat.optimiser import Moments
+from peaking.splat.optimiser import AdamState
+from peaking.splat.rendering import CutOffs
 from peaking.splat.tape import Tape
-from peaking.splat.view import CutOffs
 
 
 class NumbaOptimiser:
     """See `peaking.splat.optimiser.Optimiser`; the same steps give the same bits."""
 
-    def __init__(self, moments: Moments, cut_offs: CutOffs) -> None:
+    def __init__(self, state: AdamState, cut_offs: CutOffs) -> None:
         self._cut_offs = cut_offs
         self._steps = 0
-        self.restart(moments)
+        self.reset(state)
 
-    def restart(self, moments: Moments) -> None:
+    def reset(self, state: AdamState) -> None:
         """Go on with other Gaussians."""
-        self._moments = moments
-        self._screen = np.zeros((len(moments.parameters), 2), np.float32)
+        self._state = state
+        self._grad2d = np.zeros(len(state.parameters), np.float32)
+        self._count = np.zeros(len(state.parameters), np.float32)
 
-    def step(self, frame: Frame, rates: Float32[np.ndarray, "columns"]) -> float:
+    def step(self, frame: Frame, learning_rates: Float32[np.ndarray, "columns"]) -> float:
         """Render, compare, move."""
-        moments = self._moments
-        tape = Tape(moments.parameters, frame.camera, self._cut_offs)
+        state = self._state
+        tape = Tape(state.parameters, frame.camera, self._cut_offs)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
         loss, by_rgb = loss_and_gradient(np.ascontiguousarray(tape.rgb), photo)
-        gradients = tape.gradients(by_rgb, self._screen)
+        gradients = tape.gradients(by_rgb, self._grad2d, self._count)
         self._steps += 1
-        adam_step(moments.parameters, gradients, moments.first, moments.second, rates, self._steps)
+        adam_step(
+            state.parameters,
+            gradients,
+            state.first_moment,
+            state.second_moment,
+            learning_rates,
+            self._steps,
+        )
         return loss
 
-    def moments(self) -> Moments:
-        """Return the parameters as they are now."""
-        return self._moments
+    def state(self) -> AdamState:
+        """Return the parameters and moments as they are now."""
+        return self._state
 
-    def pulls(self) -> Float32[np.ndarray, "n"]:
-        """Return the mean gradient by the position on the picture."""
-        return self._screen[:, 0] / np.maximum(self._screen[:, 1], 1)
+    def mean_grad2d(self) -> Float32[np.ndarray, "n"]:
+        """Return the mean length of the gradient by the projected centre."""
+        return self._grad2d / np.maximum(self._count, 1)

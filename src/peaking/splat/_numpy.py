@@ -6,17 +6,20 @@ import numpy as np
 from jaxtyping import Float64
 
 from peaking.geometry import Camera
-from peaking.splat.view import C0, C1, DILATION_PX2, FIELD_MARGIN, CutOffs, View
+from peaking.splat.columns import LOG_SCALES, MEANS, OPACITY_LOGIT, QUATS, SH
+from peaking.splat.rendering import C0, C1, DILATION_PX2, FIELD_MARGIN, CutOffs, Rendering
 
 
-def render(parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_offs: CutOffs) -> View:
+def render(
+    parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_offs: CutOffs
+) -> Rendering:
     """Render; see `peaking.splat.rasterise.render`."""
     k = camera.pinhole
     cam_from_world = camera.world_from_cam.inverse()
-    means = cam_from_world.apply(parameters[:, :3])
+    means = cam_from_world.apply(parameters[:, MEANS])
     pixels = k.pixel_centers()
     rgb, depth_sum = np.zeros((*pixels.shape[:2], 3)), np.zeros(pixels.shape[:2])
-    left = np.ones(pixels.shape[:2])
+    transmittance = np.ones(pixels.shape[:2])
     done = np.zeros(pixels.shape[:2], dtype=bool)
     for i in np.argsort(means[:, 2], kind="stable"):
         x, y, z = means[i]
@@ -26,18 +29,18 @@ def render(parameters: Float64[np.ndarray, "n columns"], camera: Camera, cut_off
         center = np.array([k.fx_px * x / z + k.cx_px, k.fy_px * y / z + k.cy_px])
         away = pixels - center
         power = -0.5 * np.einsum("hwi,ij,hwj->hw", away, np.linalg.inv(covariance), away)
-        opacity = 1 / (1 + np.exp(-parameters[i, 10]))
+        opacity = 1 / (1 + np.exp(-parameters[i, OPACITY_LOGIT]))
         alpha = np.minimum(cut_offs.alpha_max, opacity * np.exp(power))
         alpha[alpha < cut_offs.alpha_min] = 0.0
-        done |= left * (1 - alpha) < cut_offs.opaque
+        done |= transmittance * (1 - alpha) < cut_offs.min_transmittance
         alpha[done] = 0.0
-        weight = alpha * left
+        weight = alpha * transmittance
         rgb += weight[..., None] * _colour(parameters[i], camera.position_m)
         depth_sum += weight * z
-        left = left - weight
-    alpha = 1 - left
+        transmittance = transmittance - weight
+    alpha = 1 - transmittance
     depth_m = np.divide(depth_sum, alpha, out=np.zeros_like(alpha), where=alpha > 1e-6)
-    return View(rgb, alpha, depth_m)
+    return Rendering(rgb, alpha, depth_m)
 
 
 def _covariance_px2(
@@ -47,7 +50,7 @@ def _covariance_px2(
     camera: Camera,
 ) -> Float64[np.ndarray, "2 2"]:
     """Return the covariance on the picture: J R S Rᵀ Jᵀ, dilated (Zwicker et al. 2001)."""
-    w, a, b, c = row[6:10] / np.linalg.norm(row[6:10])
+    w, a, b, c = row[QUATS] / np.linalg.norm(row[QUATS])
     world_from_own = np.array(
         [
             [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
@@ -64,16 +67,16 @@ def _covariance_px2(
     jacobian = np.array(
         [[k.fx_px / z, 0, -k.fx_px * tx / z**2], [0, k.fy_px / z, -k.fy_px * ty / z**2]]
     )
-    half = jacobian @ rotation @ world_from_own @ np.diag(np.exp(row[3:6]))
+    half = jacobian @ rotation @ world_from_own @ np.diag(np.exp(row[LOG_SCALES]))
     return half @ half.T + DILATION_PX2 * np.eye(2)
 
 
 def _colour(
     row: Float64[np.ndarray, "columns"], eye_m: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "3"]:
-    sh = row[11:].reshape(-1, 3)
+    sh = row[SH].reshape(-1, 3)
     colour = 0.5 + C0 * sh[0]
     if len(sh) > 1:
-        x, y, z = (row[:3] - eye_m) / np.linalg.norm(row[:3] - eye_m)
+        x, y, z = (row[MEANS] - eye_m) / np.linalg.norm(row[MEANS] - eye_m)
         colour = colour + C1 * (-y * sh[1] + z * sh[2] - x * sh[3])
     return np.maximum(colour, 0.0)

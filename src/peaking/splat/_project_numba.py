@@ -1,10 +1,8 @@
 # pyright: basic
 """From Gaussians in the world to ellipses on the picture, and gradients back; float32 or float64.
 
-A row of `parameters` is a Gaussian: mean 3, log scale 3, quaternion w x y z, opacity logit,
-spherical harmonics coefficient by coefficient (`Gaussians.packed`). A row of `splats` is what the
-rasteriser needs of it: u, v, the inverse covariance (xx, xy, yy), opacity, r, g, b, depth, and the
-half width and height of the box in which its alpha reaches `alpha_min` (0 = unseen).
+A row of `parameters` is a Gaussian, a row of `splats` is what the rasteriser needs of it; their
+columns have names in `columns.py`. `by_x` is the gradient of the loss by x.
 """
 
 from __future__ import annotations
@@ -13,17 +11,58 @@ import math
 
 import numba as nb
 
-from peaking.splat.view import C0, C1, DILATION_PX2, FIELD_MARGIN
+from peaking.splat.columns import (
+    BLUE,
+    BY_BLUE,
+    BY_CONIC_UU,
+    BY_CONIC_UV,
+    BY_CONIC_VV,
+    BY_GREEN,
+    BY_OPACITY,
+    BY_RED,
+    BY_U,
+    BY_V,
+    CONIC_UU,
+    CONIC_UV,
+    CONIC_VV,
+    DEPTH,
+    GREEN,
+    LOG_SCALE_X,
+    LOG_SCALE_Y,
+    LOG_SCALE_Z,
+    MEAN_X,
+    MEAN_Y,
+    MEAN_Z,
+    MIN_POWER,
+    NUM_COLUMNS,
+    OPACITY,
+    OPACITY_LOGIT,
+    QUAT_W,
+    QUAT_X,
+    QUAT_Y,
+    QUAT_Z,
+    RADIUS_U,
+    RADIUS_V,
+    RED,
+    SH0_B,
+    SH0_G,
+    SH0_R,
+    SH1_X_R,
+    SH1_Y_R,
+    SH1_Z_R,
+    U,
+    V,
+)
+from peaking.splat.rendering import C0, C1, DILATION_PX2, FIELD_MARGIN
 
-NUM_SPLAT_COLUMNS = 13
-NUM_GRADIENT_COLUMNS = 9
+_DEGREE_0 = NUM_COLUMNS[0]
 
 
 @nb.njit(cache=True, error_model="numpy", inline="always")
-def _camera_point(p, i, pose):
-    x = pose[0, 0] * p[i, 0] + pose[0, 1] * p[i, 1] + pose[0, 2] * p[i, 2] + pose[0, 3]
-    y = pose[1, 0] * p[i, 0] + pose[1, 1] * p[i, 1] + pose[1, 2] * p[i, 2] + pose[1, 3]
-    z = pose[2, 0] * p[i, 0] + pose[2, 1] * p[i, 1] + pose[2, 2] * p[i, 2] + pose[2, 3]
+def _camera_point(p, i, m):
+    x = m[0, 0] * p[i, MEAN_X] + m[0, 1] * p[i, MEAN_Y] + m[0, 2] * p[i, MEAN_Z] + m[0, 3]
+    y = m[1, 0] * p[i, MEAN_X] + m[1, 1] * p[i, MEAN_Y] + m[1, 2] * p[i, MEAN_Z] + m[1, 3]
+    z = m[2, 0] * p[i, MEAN_X] + m[2, 1] * p[i, MEAN_Y] + m[2, 2] * p[i, MEAN_Z] + m[2, 3]
     return x, y, z
 
 
@@ -50,18 +89,18 @@ def _rotation(w, a, b, c):
 
 @nb.njit(cache=True, error_model="numpy")
 def _unit_quaternion(p, i):
-    n = math.sqrt(p[i, 6] ** 2 + p[i, 7] ** 2 + p[i, 8] ** 2 + p[i, 9] ** 2)
+    n = math.sqrt(p[i, QUAT_W] ** 2 + p[i, QUAT_X] ** 2 + p[i, QUAT_Y] ** 2 + p[i, QUAT_Z] ** 2)
     n = max(n, 1e-12)
-    return p[i, 6] / n, p[i, 7] / n, p[i, 8] / n, p[i, 9] / n, n
+    return p[i, QUAT_W] / n, p[i, QUAT_X] / n, p[i, QUAT_Y] / n, p[i, QUAT_Z] / n, n
 
 
 @nb.njit(cache=True, error_model="numpy")
 def _covariance(p, i):
     w, a, b, c, _ = _unit_quaternion(p, i)
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(w, a, b, c)
-    s0 = math.exp(2 * p[i, 3])
-    s1 = math.exp(2 * p[i, 4])
-    s2 = math.exp(2 * p[i, 5])
+    s0 = math.exp(2 * p[i, LOG_SCALE_X])
+    s1 = math.exp(2 * p[i, LOG_SCALE_Y])
+    s2 = math.exp(2 * p[i, LOG_SCALE_Z])
     return (
         r00 * r00 * s0 + r01 * r01 * s1 + r02 * r02 * s2,
         r00 * r10 * s0 + r01 * r11 * s1 + r02 * r12 * s2,
@@ -73,19 +112,20 @@ def _covariance(p, i):
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def project(parameters, pose, lens, near_m, alpha_min, splats):
-    """Fill `splats`; `pose` is cam_from_world 3×4, `lens` fx fy cx cy width height."""
-    p = parameters
-    fx, fy, cx, cy, width, height = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+def project(parameters, cam_from_world, intrinsics, near_m, alpha_min, splats):
+    """Fill `splats`; `cam_from_world` is 3×4, `intrinsics` are fx, fy, cx, cy, width and height."""
+    p, m = parameters, cam_from_world
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    width, height = intrinsics[4], intrinsics[5]
     left, right = _field(fx, cx, width)
     top, bottom = _field(fy, cy, height)
-    eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
-    eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
-    eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
+    eye0 = -(m[0, 0] * m[0, 3] + m[1, 0] * m[1, 3] + m[2, 0] * m[2, 3])
+    eye1 = -(m[0, 1] * m[0, 3] + m[1, 1] * m[1, 3] + m[2, 1] * m[2, 3])
+    eye2 = -(m[0, 2] * m[0, 3] + m[1, 2] * m[1, 3] + m[2, 2] * m[2, 3])
     for i in nb.prange(p.shape[0]):
-        splats[i, 10] = 0
-        splats[i, 11] = 0
-        x, y, z = _camera_point(p, i, pose)
+        splats[i, RADIUS_U] = 0
+        splats[i, RADIUS_V] = 0
+        x, y, z = _camera_point(p, i, m)
         if not z >= near_m:
             continue
         u = fx * x / z + cx
@@ -97,12 +137,12 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
         j2 = -fx * tx / (z * z)
         j4 = fy / z
         j5 = -fy * ty / (z * z)
-        t00 = j0 * pose[0, 0] + j2 * pose[2, 0]
-        t01 = j0 * pose[0, 1] + j2 * pose[2, 1]
-        t02 = j0 * pose[0, 2] + j2 * pose[2, 2]
-        t10 = j4 * pose[1, 0] + j5 * pose[2, 0]
-        t11 = j4 * pose[1, 1] + j5 * pose[2, 1]
-        t12 = j4 * pose[1, 2] + j5 * pose[2, 2]
+        t00 = j0 * m[0, 0] + j2 * m[2, 0]
+        t01 = j0 * m[0, 1] + j2 * m[2, 1]
+        t02 = j0 * m[0, 2] + j2 * m[2, 2]
+        t10 = j4 * m[1, 0] + j5 * m[2, 0]
+        t11 = j4 * m[1, 1] + j5 * m[2, 1]
+        t12 = j4 * m[1, 2] + j5 * m[2, 2]
         v0 = t00 * c00 + t01 * c01 + t02 * c02
         v1 = t00 * c01 + t01 * c11 + t02 * c12
         v2 = t00 * c02 + t01 * c12 + t02 * c22
@@ -113,7 +153,7 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
         v2 = t10 * c02 + t11 * c12 + t12 * c22
         yy = v0 * t10 + v1 * t11 + v2 * t12 + DILATION_PX2
         det = xx * yy - xy * xy
-        opacity = 1 / (1 + math.exp(-p[i, 10]))
+        opacity = 1 / (1 + math.exp(-p[i, OPACITY_LOGIT]))
         if not (det > 0 and det < 1e12 and opacity > alpha_min):
             continue
         reach = 2 * math.log(opacity / alpha_min)
@@ -121,48 +161,58 @@ def project(parameters, pose, lens, near_m, alpha_min, splats):
         ry = math.sqrt(reach * yy)
         if not (u + rx > 0 and u - rx < width and v + ry > 0 and v - ry < height):
             continue
-        splats[i, 0] = u
-        splats[i, 1] = v
-        splats[i, 2] = yy / det
-        splats[i, 3] = -xy / det
-        splats[i, 4] = xx / det
-        splats[i, 5] = opacity
-        dx = p[i, 0] - eye0
-        dy = p[i, 1] - eye1
-        dz = p[i, 2] - eye2
+        splats[i, U] = u
+        splats[i, V] = v
+        splats[i, CONIC_UU] = yy / det
+        splats[i, CONIC_UV] = -xy / det
+        splats[i, CONIC_VV] = xx / det
+        splats[i, OPACITY] = opacity
+        dx = p[i, MEAN_X] - eye0
+        dy = p[i, MEAN_Y] - eye1
+        dz = p[i, MEAN_Z] - eye2
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         for c in range(3):
-            value = C0 * p[i, 11 + c] + 0.5
-            if p.shape[1] > 14:
+            value = C0 * p[i, SH0_R + c] + 0.5
+            if p.shape[1] > _DEGREE_0:
                 value += (C1 / length) * (
-                    -dy * p[i, 14 + c] + dz * p[i, 17 + c] - dx * p[i, 20 + c]
+                    -dy * p[i, SH1_Y_R + c] + dz * p[i, SH1_Z_R + c] - dx * p[i, SH1_X_R + c]
                 )
-            splats[i, 6 + c] = max(value, 0.0)
-        splats[i, 9] = z
-        splats[i, 10] = rx
-        splats[i, 11] = ry
-        splats[i, 12] = -0.5 * reach
+            splats[i, RED + c] = max(value, 0.0)
+        splats[i, DEPTH] = z
+        splats[i, RADIUS_U] = rx
+        splats[i, RADIUS_V] = ry
+        splats[i, MIN_POWER] = -0.5 * reach
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
-def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients, screen):
-    """Fill `gradients` from those of the tiles' entries; add to `screen` what densifying needs.
+def project_backward(
+    parameters,
+    cam_from_world,
+    intrinsics,
+    splats,
+    starts,
+    by_entry,
+    gradients,
+    grad2d,
+    count,
+):
+    """Fill `gradients` from those of the tiles' entries.
 
-    `by_entry[starts[i] : starts[i + 1]]` belongs to Gaussian i: r, g, b, opacity, u, v and the
-    three of the inverse covariance. `screen` gets the length of the gradient by the position, in
-    half pictures, and a count of 1.
+    `by_entry[starts[i] : starts[i + 1]]` belongs to Gaussian i. To `grad2d` is added the length of
+    the gradient by the projected centre, in half pictures, and to `count` 1, as in gsplat.
     """
-    p = parameters
-    fx, fy, cx, cy, width, height = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+    p, m = parameters, cam_from_world
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    width, height = intrinsics[4], intrinsics[5]
     left, right = _field(fx, cx, width)
     top, bottom = _field(fy, cy, height)
-    eye0 = -(pose[0, 0] * pose[0, 3] + pose[1, 0] * pose[1, 3] + pose[2, 0] * pose[2, 3])
-    eye1 = -(pose[0, 1] * pose[0, 3] + pose[1, 1] * pose[1, 3] + pose[2, 1] * pose[2, 3])
-    eye2 = -(pose[0, 2] * pose[0, 3] + pose[1, 2] * pose[1, 3] + pose[2, 2] * pose[2, 3])
+    eye0 = -(m[0, 0] * m[0, 3] + m[1, 0] * m[1, 3] + m[2, 0] * m[2, 3])
+    eye1 = -(m[0, 1] * m[0, 3] + m[1, 1] * m[1, 3] + m[2, 1] * m[2, 3])
+    eye2 = -(m[0, 2] * m[0, 3] + m[1, 2] * m[1, 3] + m[2, 2] * m[2, 3])
     for i in nb.prange(p.shape[0]):
         for c in range(p.shape[1]):
             gradients[i, c] = 0
-        if splats[i, 10] <= 0:
+        if splats[i, RADIUS_U] <= 0:
             continue
         red = splats.dtype.type(0)
         green = red
@@ -174,24 +224,24 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         g1 = red
         g2 = red
         for e in range(starts[i], starts[i + 1]):
-            red += by_entry[e, 0]
-            green += by_entry[e, 1]
-            blue += by_entry[e, 2]
-            by_opacity += by_entry[e, 3]
-            gu += by_entry[e, 4]
-            gv += by_entry[e, 5]
-            g0 += by_entry[e, 6]
-            g1 += by_entry[e, 7]
-            g2 += by_entry[e, 8]
-        screen[i, 0] += math.sqrt((gu * width * 0.5) ** 2 + (gv * height * 0.5) ** 2)
-        screen[i, 1] += 1
-        x, y, z = _camera_point(p, i, pose)
+            red += by_entry[e, BY_RED]
+            green += by_entry[e, BY_GREEN]
+            blue += by_entry[e, BY_BLUE]
+            by_opacity += by_entry[e, BY_OPACITY]
+            gu += by_entry[e, BY_U]
+            gv += by_entry[e, BY_V]
+            g0 += by_entry[e, BY_CONIC_UU]
+            g1 += by_entry[e, BY_CONIC_UV]
+            g2 += by_entry[e, BY_CONIC_VV]
+        grad2d[i] += math.sqrt((gu * width * 0.5) ** 2 + (gv * height * 0.5) ** 2)
+        count[i] += 1
+        x, y, z = _camera_point(p, i, m)
         tx = min(right, max(left, x / z)) * z
         ty = min(bottom, max(top, y / z)) * z
         # The covariance on the picture: dS = -Q G Q, with the off-diagonal of G halved.
-        q0 = splats[i, 2]
-        q1 = splats[i, 3]
-        q2 = splats[i, 4]
+        q0 = splats[i, CONIC_UU]
+        q1 = splats[i, CONIC_UV]
+        q2 = splats[i, CONIC_VV]
         g1 = 0.5 * g1
         a00 = q0 * g0 + q1 * g1
         a01 = q0 * g1 + q1 * g2
@@ -204,12 +254,12 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         j2 = -fx * tx / (z * z)
         j4 = fy / z
         j5 = -fy * ty / (z * z)
-        t00 = j0 * pose[0, 0] + j2 * pose[2, 0]
-        t01 = j0 * pose[0, 1] + j2 * pose[2, 1]
-        t02 = j0 * pose[0, 2] + j2 * pose[2, 2]
-        t10 = j4 * pose[1, 0] + j5 * pose[2, 0]
-        t11 = j4 * pose[1, 1] + j5 * pose[2, 1]
-        t12 = j4 * pose[1, 2] + j5 * pose[2, 2]
+        t00 = j0 * m[0, 0] + j2 * m[2, 0]
+        t01 = j0 * m[0, 1] + j2 * m[2, 1]
+        t02 = j0 * m[0, 2] + j2 * m[2, 2]
+        t10 = j4 * m[1, 0] + j5 * m[2, 0]
+        t11 = j4 * m[1, 1] + j5 * m[2, 1]
+        t12 = j4 * m[1, 2] + j5 * m[2, 2]
         # T = J R: the covariance in the world gets Tᵀ M T, and T gets 2 M T S.
         p00 = m00 * t00 + m01 * t10
         p01 = m00 * t01 + m01 * t11
@@ -230,10 +280,10 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         k10 = 2 * (p10 * c00 + p11 * c01 + p12 * c02)
         k11 = 2 * (p10 * c01 + p11 * c11 + p12 * c12)
         k12 = 2 * (p10 * c02 + p11 * c12 + p12 * c22)
-        by_j0 = k00 * pose[0, 0] + k01 * pose[0, 1] + k02 * pose[0, 2]
-        by_j2 = k00 * pose[2, 0] + k01 * pose[2, 1] + k02 * pose[2, 2]
-        by_j4 = k10 * pose[1, 0] + k11 * pose[1, 1] + k12 * pose[1, 2]
-        by_j5 = k10 * pose[2, 0] + k11 * pose[2, 1] + k12 * pose[2, 2]
+        by_j0 = k00 * m[0, 0] + k01 * m[0, 1] + k02 * m[0, 2]
+        by_j2 = k00 * m[2, 0] + k01 * m[2, 1] + k02 * m[2, 2]
+        by_j4 = k10 * m[1, 0] + k11 * m[1, 1] + k12 * m[1, 2]
+        by_j5 = k10 * m[2, 0] + k11 * m[2, 1] + k12 * m[2, 2]
         iz2 = 1 / (z * z)
         by_x = gu * fx / z
         by_y = gv * fy / z
@@ -249,13 +299,13 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         else:
             by_z += fy * ty * iz2 / z * by_j5
         for c in range(3):
-            gradients[i, c] = pose[0, c] * by_x + pose[1, c] * by_y + pose[2, c] * by_z
+            gradients[i, MEAN_X + c] = m[0, c] * by_x + m[1, c] * by_y + m[2, c] * by_z
 
         w, a, b, c_, norm = _unit_quaternion(p, i)
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(w, a, b, c_)
-        s0 = math.exp(2 * p[i, 3])
-        s1 = math.exp(2 * p[i, 4])
-        s2 = math.exp(2 * p[i, 5])
+        s0 = math.exp(2 * p[i, LOG_SCALE_X])
+        s1 = math.exp(2 * p[i, LOG_SCALE_Y])
+        s2 = math.exp(2 * p[i, LOG_SCALE_Z])
         e00 = d00 * r00 + d01 * r10 + d02 * r20
         e01 = d00 * r01 + d01 * r11 + d02 * r21
         e02 = d00 * r02 + d01 * r12 + d02 * r22
@@ -265,9 +315,9 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
         e20 = d02 * r00 + d12 * r10 + d22 * r20
         e21 = d02 * r01 + d12 * r11 + d22 * r21
         e22 = d02 * r02 + d12 * r12 + d22 * r22
-        gradients[i, 3] = 2 * s0 * (r00 * e00 + r10 * e10 + r20 * e20)
-        gradients[i, 4] = 2 * s1 * (r01 * e01 + r11 * e11 + r21 * e21)
-        gradients[i, 5] = 2 * s2 * (r02 * e02 + r12 * e12 + r22 * e22)
+        gradients[i, LOG_SCALE_X] = 2 * s0 * (r00 * e00 + r10 * e10 + r20 * e20)
+        gradients[i, LOG_SCALE_Y] = 2 * s1 * (r01 * e01 + r11 * e11 + r21 * e21)
+        gradients[i, LOG_SCALE_Z] = 2 * s2 * (r02 * e02 + r12 * e12 + r22 * e22)
         f00 = 2 * e00 * s0
         f01 = 2 * e01 * s1
         f02 = 2 * e02 * s2
@@ -288,36 +338,36 @@ def project_backward(parameters, pose, lens, splats, starts, by_entry, gradients
             -2 * c_ * f00 - w * f01 + a * f02 + w * f10 - 2 * c_ * f11 + b * f12 + a * f20 + b * f21
         )
         along = by_w * w + by_a * a + by_b * b + by_c * c_
-        gradients[i, 6] = (by_w - along * w) / norm
-        gradients[i, 7] = (by_a - along * a) / norm
-        gradients[i, 8] = (by_b - along * b) / norm
-        gradients[i, 9] = (by_c - along * c_) / norm
-        opacity = splats[i, 5]
-        gradients[i, 10] = by_opacity * opacity * (1 - opacity)
+        gradients[i, QUAT_W] = (by_w - along * w) / norm
+        gradients[i, QUAT_X] = (by_a - along * a) / norm
+        gradients[i, QUAT_Y] = (by_b - along * b) / norm
+        gradients[i, QUAT_Z] = (by_c - along * c_) / norm
+        opacity = splats[i, OPACITY]
+        gradients[i, OPACITY_LOGIT] = by_opacity * opacity * (1 - opacity)
 
-        red = red if splats[i, 6] > 0 else 0 * red
-        green = green if splats[i, 7] > 0 else 0 * green
-        blue = blue if splats[i, 8] > 0 else 0 * blue
-        gradients[i, 11] = C0 * red
-        gradients[i, 12] = C0 * green
-        gradients[i, 13] = C0 * blue
-        if p.shape[1] > 14:
-            dx = p[i, 0] - eye0
-            dy = p[i, 1] - eye1
-            dz = p[i, 2] - eye2
+        red = red if splats[i, RED] > 0 else 0 * red
+        green = green if splats[i, GREEN] > 0 else 0 * green
+        blue = blue if splats[i, BLUE] > 0 else 0 * blue
+        gradients[i, SH0_R] = C0 * red
+        gradients[i, SH0_G] = C0 * green
+        gradients[i, SH0_B] = C0 * blue
+        if p.shape[1] > _DEGREE_0:
+            dx = p[i, MEAN_X] - eye0
+            dy = p[i, MEAN_Y] - eye1
+            dz = p[i, MEAN_Z] - eye2
             inverse = 1 / math.sqrt(dx * dx + dy * dy + dz * dz)
             dx *= inverse
             dy *= inverse
             dz *= inverse
             for k in range(3):
                 basis = C1 * (-dy if k == 0 else (dz if k == 1 else -dx))
-                gradients[i, 14 + 3 * k] = basis * red
-                gradients[i, 15 + 3 * k] = basis * green
-                gradients[i, 16 + 3 * k] = basis * blue
-            hy = -C1 * (p[i, 14] * red + p[i, 15] * green + p[i, 16] * blue)
-            hz = C1 * (p[i, 17] * red + p[i, 18] * green + p[i, 19] * blue)
-            hx = -C1 * (p[i, 20] * red + p[i, 21] * green + p[i, 22] * blue)
+                gradients[i, SH1_Y_R + 3 * k] = basis * red
+                gradients[i, SH1_Y_R + 3 * k + 1] = basis * green
+                gradients[i, SH1_Y_R + 3 * k + 2] = basis * blue
+            hy = -C1 * (p[i, SH1_Y_R] * red + p[i, SH1_Y_R + 1] * green + p[i, SH1_Y_R + 2] * blue)
+            hz = C1 * (p[i, SH1_Z_R] * red + p[i, SH1_Z_R + 1] * green + p[i, SH1_Z_R + 2] * blue)
+            hx = -C1 * (p[i, SH1_X_R] * red + p[i, SH1_X_R + 1] * green + p[i, SH1_X_R + 2] * blue)
             radial = hx * dx + hy * dy + hz * dz
-            gradients[i, 0] += (hx - radial * dx) * inverse
-            gradients[i, 1] += (hy - radial * dy) * inverse
-            gradients[i, 2] += (hz - radial * dz) * inverse
+            gradients[i, MEAN_X] += (hx - radial * dx) * inverse
+            gradients[i, MEAN_Y] += (hy - radial * dy) * inverse
+            gradients[i, MEAN_Z] += (hz - radial * dz) * inverse

@@ -1,14 +1,16 @@
-"""What is trained: Gaussians in the world, as 3D Gaussian splatting stores them."""
+"""The Gaussians that are trained, as 3D Gaussian splatting stores them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Float32
+
+from peaking.splat.columns import LOG_SCALES, MEANS, OPACITY_LOGIT, QUATS, SH
 
 Parameters = Float32[np.ndarray, "n columns"]
-"""One Gaussian per row: mean 3, log scale 3, quaternion 4, opacity logit, SH 3 per coefficient."""
+"""One Gaussian per row; `columns.py` names the columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +19,7 @@ class Gaussians:
 
     Attributes:
         means_m: Centres in the world.
-        log_scales: Natural logarithms of the standard deviations along the own axes, in metres.
+        log_scales: Natural logarithms of the standard deviations (metres) along the own axes.
         quaternions: world_from_own rotations as w, x, y, z, of any length but 0.
         opacity_logits: The opacity is 1 / (1 + exp(-logit)).
         sh: Spherical harmonics of degree 0 or 1 (1 or 4 coefficients), RGB; the colour is 0.5 plus
@@ -53,7 +55,7 @@ class Gaussians:
         """Opacity of the centre, 0…1."""
         return (1 / (1 + np.exp(-self.opacity_logits.astype(np.float64)))).astype(np.float32)
 
-    def packed(self) -> Parameters:
+    def parameters(self) -> Parameters:
         """Return all parameters as one matrix, a row for each Gaussian."""
         return np.concatenate(
             [
@@ -67,17 +69,13 @@ class Gaussians:
         )
 
     @classmethod
-    def unpacked(cls, parameters: Parameters) -> Gaussians:
-        """Return the Gaussians of a matrix that `packed` made."""
-        n, columns = parameters.shape
+    def from_parameters(cls, parameters: Parameters) -> Gaussians:
+        """Return the Gaussians of a matrix as `parameters` makes it."""
+        sh = parameters[:, SH]
         return cls(
-            means_m=parameters[:, 0:3].copy(),
-            log_scales=parameters[:, 3:6].copy(),
-            quaternions=parameters[:, 6:10].copy(),
-            opacity_logits=parameters[:, 10].copy(),
-            sh=parameters[:, 11:].reshape(n, (columns - 11) // 3, 3).copy(),
+            means_m=parameters[:, MEANS].copy(),
+            log_scales=parameters[:, LOG_SCALES].copy(),
+            quaternions=parameters[:, QUATS].copy(),
+            opacity_logits=parameters[:, OPACITY_LOGIT].copy(),
+            sh=sh.reshape(len(sh), sh.shape[1] // 3, 3).copy(),
         )
-
-    def kept(self, mask: Bool[np.ndarray, "n"]) -> Gaussians:
-        """Return those that the mask names."""
-        return Gaussians(*(getattr(self, field.name)[mask] for field in fields(self)))

@@ -1,7 +1,7 @@
-"""Where Gaussians are while they are trained: an optimiser renders, compares, and moves them.
+"""What trains Gaussians: an optimiser renders, compares with a photograph, and moves them.
 
-There is one for each backend; the schedule (`train.py`) and densification (`densify.py`) are the
-same for all.
+There is one for each backend; the schedule (`train.py`) and refinement (`refine.py`) are the same
+for all.
 """
 
 from __future__ import annotations
@@ -18,40 +18,40 @@ from peaking.splat.gaussians import Parameters
 ADAM_BETAS = (0.9, 0.999)
 ADAM_EPSILON = 1e-15
 """Kingma and Ba 2015, with the epsilon of Kerbl et al."""
-GRADIENT_LIMIT = 1e10
-"""A larger gradient, or none at all, counts as 0."""
+MAX_GRADIENT = 1e10
+"""A larger gradient, or one that is not a number, counts as 0."""
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
-    """Parameters, and Adam's running means of their gradients and of the squares of these."""
+class AdamState:
+    """Parameters, and Adam's running means of their gradients and of the squared gradients."""
 
     parameters: Parameters
-    first: Parameters
-    second: Parameters
+    first_moment: Parameters
+    second_moment: Parameters
 
     @classmethod
-    def fresh(cls, parameters: Parameters) -> Moments:
-        """Return parameters that were not moved yet."""
+    def initial(cls, parameters: Parameters) -> AdamState:
+        """Return parameters before the first step."""
         return cls(parameters, np.zeros_like(parameters), np.zeros_like(parameters))
 
 
 @runtime_checkable
 class Optimiser(Protocol):
-    """Looks at one picture after another."""
+    """Takes one step per photograph."""
 
-    def step(self, frame: Frame, rates: Float32[np.ndarray, "columns"]) -> float:
+    def step(self, frame: Frame, learning_rates: Float32[np.ndarray, "columns"]) -> float:
         """Render, move all parameters against the loss's gradient, and return the loss."""
         ...
 
-    def moments(self) -> Moments:
-        """Return the parameters as they are now."""
+    def state(self) -> AdamState:
+        """Return the parameters and moments as they are now."""
         ...
 
-    def pulls(self) -> Float32[np.ndarray, "n"]:
-        """Return the mean gradient by the position on the picture (in half pictures)."""
+    def mean_grad2d(self) -> Float32[np.ndarray, "n"]:
+        """Return the mean length of the gradient by the projected centre, in half pictures."""
         ...
 
-    def restart(self, moments: Moments) -> None:
-        """Go on with other Gaussians; pulls are forgotten."""
+    def reset(self, state: AdamState) -> None:
+        """Go on with other Gaussians; the mean of `mean_grad2d` starts again."""
         ...

@@ -1,4 +1,4 @@
-"""A picture of what was trained: photographs, the views from their places, and the views' depth."""
+"""A picture of the result: photographs, renderings from the same cameras, and their depth."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from peaking.splat.gaussians import Gaussians
 from peaking.splat.rasterise import render
 
 GAP_PX = 4
-SEEN = 0.5
-"""Depth is shown where so much is opaque."""
+MIN_ALPHA = 0.5
+"""Depth is shown where the opacity is above this."""
 
 
 def preview(gaussians: Gaussians, frames: Sequence[Frame]) -> UInt8[np.ndarray, "h w 3"]:
@@ -33,16 +33,17 @@ def preview(gaussians: Gaussians, frames: Sequence[Frame]) -> UInt8[np.ndarray, 
 
 
 def _row(gaussians: Gaussians, frame: Frame) -> UInt8[np.ndarray, "h w 3"]:
-    view = render(gaussians, frame.camera)
-    seen = (np.clip(view.rgb, 0, 1) * 255 + 0.5).astype(np.uint8)
-    gap = np.zeros((len(seen), GAP_PX, 3), np.uint8)
-    return np.concatenate([frame.rgb, gap, seen, gap, _depth(view.depth_m, view.alpha)], axis=1)
+    rendering = render(gaussians, frame.camera)
+    rgb = (np.clip(rendering.rgb, 0, 1) * 255 + 0.5).astype(np.uint8)
+    depth = _coloured_depth(rendering.depth_m, rendering.alpha)
+    gap = np.zeros((len(rgb), GAP_PX, 3), np.uint8)
+    return np.concatenate([frame.rgb, gap, rgb, gap, depth], axis=1)
 
 
-def _depth(
+def _coloured_depth(
     depth_m: Float[np.ndarray, "h w"], alpha: Float[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    known = (alpha > SEEN) & (depth_m > 0)
+    known = (alpha > MIN_ALPHA) & (depth_m > 0)
     if not known.any():
         return np.zeros((*depth_m.shape, 3), np.uint8)
     disparity = np.divide(1, depth_m, out=np.zeros_like(depth_m), where=known)

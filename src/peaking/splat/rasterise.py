@@ -1,4 +1,4 @@
-"""Seeing Gaussians from a camera. `_numpy.py` is the definition; the others must agree with it."""
+"""Render Gaussians from a camera. `_numpy.py` is the definition; the others must agree with it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from peaking.geometry import Camera
 from peaking.splat.gaussians import Gaussians
-from peaking.splat.view import CutOffs, View
+from peaking.splat.rendering import CutOffs, Rendering
 
-__all__ = ["Backend", "CutOffs", "View", "render"]
+__all__ = ["Backend", "CutOffs", "Rendering", "render"]
 
 Backend = Literal["numba", "numpy", "gsplat"]
 
@@ -21,8 +21,8 @@ def render(
     *,
     cut_offs: CutOffs | None = None,
     backend: Backend = "numba",
-) -> View:
-    """Return the picture, its opacity and its depth from a camera.
+) -> Rendering:
+    """Return colour, opacity and depth as the camera would see them.
 
     Raises:
         BackendUnavailable: gsplat, torch or CUDA is missing.
@@ -31,11 +31,11 @@ def render(
     if backend == "numpy":
         from peaking.splat import _numpy
 
-        return _numpy.render(gaussians.packed().astype(np.float64), camera, cut_offs)
+        return _numpy.render(gaussians.parameters().astype(np.float64), camera, cut_offs)
     if backend == "gsplat":
         from peaking.splat import _gsplat
 
         return _gsplat.render(gaussians, camera, cut_offs)
     from peaking.splat.tape import Tape
 
-    return Tape(gaussians.packed(), camera, cut_offs).view()
+    return Tape(gaussians.parameters(), camera, cut_offs).rendering()

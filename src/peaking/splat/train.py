@@ -1,4 +1,4 @@
-"""Training Gaussians on posed pictures (Kerbl et al. 2023): the schedule, for every backend."""
+"""Train Gaussians on posed pictures (Kerbl et al. 2023): one schedule for all backends."""
 
 from __future__ import annotations
 
@@ -12,21 +12,32 @@ from jaxtyping import Float32, Float64
 
 from peaking.frame import Frame
 from peaking.geometry import Camera
-from peaking.splat.densify import densify
+from peaking.point_cloud import PointCloud
+from peaking.splat.columns import (
+    LOG_SCALES,
+    MEANS,
+    NUM_COLUMNS,
+    OPACITY_LOGIT,
+    QUAT_W,
+    QUATS,
+    SH0,
+    SHN,
+)
 from peaking.splat.gaussians import Gaussians, Parameters
-from peaking.splat.optimiser import Moments, Optimiser
+from peaking.splat.initial_points import initial_points
+from peaking.splat.optimiser import AdamState, Optimiser
 from peaking.splat.options import SplatOptions
-from peaking.splat.seeds import Points, seed_points, thinned
-from peaking.splat.view import C0
+from peaking.splat.refine import refine
+from peaking.splat.rendering import C0
 
-__all__ = ["Backend", "SplatOptions", "Step", "Trainer", "train"]
+__all__ = ["Backend", "SplatOptions", "Trainer", "TrainingStep", "train"]
 
 Backend = Literal["numba", "gsplat"]
 
 
 @dataclass(frozen=True)
-class Step:
-    """How far training is."""
+class TrainingStep:
+    """What one step of training did."""
 
     iteration: int
     loss: float
@@ -37,20 +48,20 @@ def train(
     frames: Sequence[Frame],
     options: SplatOptions,
     *,
-    points: Points | None = None,
+    points: PointCloud | None = None,
     backend: Backend = "numba",
-    progress: Callable[[Step], None] | None = None,
+    progress: Callable[[TrainingStep], None] | None = None,
 ) -> Gaussians:
-    """Return Gaussians that look like the pictures.
+    """Return Gaussians trained on the pictures.
 
     Args:
-        frames: At least one; sizes may differ. Training costs by the pixel: make them small before
-            (`Frame.resized`).
+        frames: At least one; sizes may differ. The time is proportional to the number of pixels:
+            shrink large pictures first (`Frame.resized`).
         options: How to train.
-        points: Where to start from; found in the frames when not given (`seed_points`).
+        points: Where to start from; found in the frames when not given (`initial_points`).
         backend: `numba` (CPU) gives the same Gaussians for the same seed, whatever the number of
-            threads; `gsplat` (CUDA) adds in any order and repeats only nearly.
-        progress: Is told about every step.
+            threads; `gsplat` (CUDA) sums in any order, so results repeat only approximately.
+        progress: Called after every step.
 
     Raises:
         ValueError: There are no frames, or no points.
@@ -65,14 +76,14 @@ def train(
 
 
 class Trainer:
-    """The state of training; `step` looks at one picture."""
+    """The state of training; `step` uses one picture."""
 
     def __init__(
         self,
         frames: Sequence[Frame],
         options: SplatOptions,
         *,
-        points: Points | None = None,
+        points: PointCloud | None = None,
         backend: Backend = "numba",
     ) -> None:
         """Place a Gaussian on each point to start from."""
@@ -82,98 +93,103 @@ class Trainer:
         self._options = options
         self._rng = np.random.default_rng(options.seed)
         if points is None:
-            points = seed_points(frames, options.seed_count, self._rng)
+            points = initial_points(frames, options.max_init_points, self._rng)
         if not len(points):
             raise ValueError("need at least one point to start from, got none")
-        points = thinned(points, options.seed_count, self._rng)
-        self._extent_m = _extent_m([frame.camera for frame in frames], points.places_m)
-        placed = Moments.fresh(_placed(points, options))
-        self._optimiser = _optimiser(placed, options, backend)
+        points = points.thinned(options.max_init_points, self._rng)
+        self._scene_scale_m = _scene_scale_m([frame.camera for frame in frames], points.xyz_m)
+        initial = AdamState.initial(_initial_parameters(points, options))
+        self._optimiser = _create_optimiser(initial, options, backend)
         self._num_gaussians = len(points)
         self._waiting: list[int] = []
         self._iteration = 0
 
     def gaussians(self) -> Gaussians:
-        """Return what was learnt so far; Gaussians that are not finite are left out."""
-        parameters = self._optimiser.moments().parameters
-        return Gaussians.unpacked(parameters[np.isfinite(parameters).all(axis=1)])
+        """Return the Gaussians as they are now, without those that are not finite."""
+        parameters = self._optimiser.state().parameters
+        return Gaussians.from_parameters(parameters[np.isfinite(parameters).all(axis=1)])
 
-    def step(self) -> Step:
-        """Look at the next picture (every picture once before any twice) and move."""
+    def step(self) -> TrainingStep:
+        """Train on the next picture; every picture is used once before any is used again."""
         o = self._options
         if not self._waiting:
             self._waiting = self._rng.permutation(len(self._frames)).tolist()
         frame = self._frames[self._waiting.pop()]
-        if self._iteration < o.coarse_share * o.iterations:
+        if self._iteration < o.half_size_share * o.iterations:
             width, height = frame.camera.pinhole.size_px
             frame = frame.resized(max(16, width // 2), max(16, height // 2))
         self._iteration += 1
-        loss = self._optimiser.step(frame, self._rates())
+        loss = self._optimiser.step(frame, self._learning_rates())
         share = self._iteration / o.iterations
-        due = self._iteration % o.densify_every == 0
-        if due and o.densify_from <= share <= o.densify_until:
-            self._densify()
-        return Step(self._iteration, loss, self._num_gaussians)
+        due = self._iteration % o.refine_every == 0
+        if due and o.refine_start_share <= share <= o.refine_stop_share:
+            self._refine()
+        return TrainingStep(self._iteration, loss, self._num_gaussians)
 
-    def _rates(self) -> Float32[np.ndarray, "columns"]:
+    def _learning_rates(self) -> Float32[np.ndarray, "columns"]:
+        """Return one for each column of the parameters."""
         o = self._options
         share = self._iteration / o.iterations
-        position = o.position_rate * self._extent_m * 0.01**share
-        rates = [o.scale_rate] * 3 + [o.rotation_rate] * 4 + [o.opacity_rate]
-        rates += [o.colour_rate] * 3 + [o.direction_rate] * (9 if o.sh_degree else 0)
-        settled = o.settle_to ** max(0.0, (share - o.settle_from) / (1 - o.settle_from))
-        return np.array([position] * 3 + [rate * settled for rate in rates], np.float32)
+        start = o.lr_decay_start_share
+        decay = o.lr_decay_to ** max(0.0, (share - start) / (1 - start))
+        rates = np.empty(NUM_COLUMNS[o.sh_degree])
+        rates[MEANS] = o.means_lr * self._scene_scale_m * 0.01**share
+        rates[LOG_SCALES] = o.scales_lr * decay
+        rates[QUATS] = o.quats_lr * decay
+        rates[OPACITY_LOGIT] = o.opacities_lr * decay
+        rates[SH0] = o.sh0_lr * decay
+        rates[SHN] = o.shn_lr * decay
+        return rates.astype(np.float32)
 
-    def _densify(self) -> None:
-        moments = densify(
-            self._optimiser.moments(),
-            self._optimiser.pulls(),
+    def _refine(self) -> None:
+        state = refine(
+            self._optimiser.state(),
+            self._optimiser.mean_grad2d(),
             self._options,
-            extent_m=self._extent_m,
+            scene_scale_m=self._scene_scale_m,
             rng=self._rng,
         )
-        self._optimiser.restart(moments)
-        self._num_gaussians = len(moments.parameters)
+        self._optimiser.reset(state)
+        self._num_gaussians = len(state.parameters)
 
 
-def _optimiser(moments: Moments, options: SplatOptions, backend: Backend) -> Optimiser:
+def _create_optimiser(state: AdamState, options: SplatOptions, backend: Backend) -> Optimiser:
     if backend == "gsplat":
         from peaking.splat._gsplat import GsplatOptimiser
 
-        return GsplatOptimiser(moments, options.cut_offs)
+        return GsplatOptimiser(state, options.cut_offs)
     from peaking.splat._numba import NumbaOptimiser
 
-    return NumbaOptimiser(moments, options.cut_offs)
+    return NumbaOptimiser(state, options.cut_offs)
 
 
-def _placed(points: Points, options: SplatOptions) -> Parameters:
-    """Return round Gaussians, as large as the distance to the nearest others says."""
-    places = points.places_m
-    n = len(places)
-    parameters = np.zeros((n, 14 if options.sh_degree == 0 else 23), np.float32)
-    parameters[:, :3] = places
-    spacing = _spacing(places)
-    spacing = np.clip(spacing, 1e-6, np.percentile(spacing, 95) + 1e-6)
-    parameters[:, 3:6] = np.log(options.first_size * spacing)[:, None]
-    parameters[:, 6] = 1
-    parameters[:, 10] = np.log(options.first_opacity / (1 - options.first_opacity))
-    parameters[:, 11:14] = (points.rgb - 0.5) / C0
+def _initial_parameters(points: PointCloud, options: SplatOptions) -> Parameters:
+    """Return round Gaussians, sized by the distance to the nearest other points."""
+    parameters = np.zeros((len(points), NUM_COLUMNS[options.sh_degree]), np.float32)
+    parameters[:, MEANS] = points.xyz_m
+    spacing_m = _spacing_m(points.xyz_m)
+    spacing_m = np.clip(spacing_m, 1e-6, np.percentile(spacing_m, 95) + 1e-6)
+    parameters[:, LOG_SCALES] = np.log(options.init_scale * spacing_m)[:, None]
+    parameters[:, QUAT_W] = 1
+    parameters[:, OPACITY_LOGIT] = np.log(options.init_opacity / (1 - options.init_opacity))
+    parameters[:, SH0] = (points.rgb - 0.5) / C0
     return parameters
 
 
-def _spacing(places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+def _spacing_m(xyz_m: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
     """Return the root mean square distance to the three nearest others."""
-    if len(places) < 4:
-        return np.full(len(places), 0.1)
-    data = places.astype(np.float32)
+    if len(xyz_m) < 4:
+        return np.full(len(xyz_m), 0.1)
+    data = xyz_m.astype(np.float32)
     index = cv2.flann.Index(data, {"algorithm": 4, "leaf_max_size": 10})
     _, squares = index.knnSearch(data, 4, params={})
     return np.sqrt(np.maximum(squares[:, 1:].astype(np.float64), 0).mean(axis=1))
 
 
-def _extent_m(cameras: Sequence[Camera], places: Float64[np.ndarray, "n 3"]) -> float:
-    """Return 1.1 times the radius of the cameras; a tenth of the scene's where they stand still."""
-    eyes = np.array([camera.position_m for camera in cameras])
-    radius = float(np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max())
-    away = float(np.median(np.linalg.norm(places - eyes.mean(axis=0), axis=1)))
-    return 1.1 * max(radius, 0.1 * away)
+def _scene_scale_m(cameras: Sequence[Camera], xyz_m: Float64[np.ndarray, "n 3"]) -> float:
+    """Return 1.1 times the radius of the camera positions, or a tenth of the scene's if greater."""
+    positions_m = np.array([camera.position_m for camera in cameras])
+    center_m = positions_m.mean(axis=0)
+    radius_m = float(np.linalg.norm(positions_m - center_m, axis=1).max())
+    distance_m = float(np.median(np.linalg.norm(xyz_m - center_m, axis=1)))
+    return 1.1 * max(radius_m, 0.1 * distance_m)

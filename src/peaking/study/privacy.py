@@ -9,7 +9,7 @@ import os
 import shutil
 import time
 import zipfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -95,7 +95,9 @@ def export_participant(study: Path, participant: str, out: Path) -> None:
     write_atomically(out, archive.getvalue())
 
 
-def erase_participant(study: Path, participant: str) -> None:
+def erase_participant(
+    study: Path, participant: str, *, clock: Callable[[], float] = time.time
+) -> None:
     """Delete all that is kept of a participant, photos too; only the pseudonym stays taken.
 
     Raises:
@@ -103,7 +105,7 @@ def erase_participant(study: Path, participant: str) -> None:
     """
     record = _record(study, participant)
     with held(study):
-        gone = msgspec.json.encode({"participant": participant, "at_s": time.time()}) + b"\n"
+        gone = msgspec.json.encode({"participant": participant, "at_s": clock()}) + b"\n"
         with (study / ERASED).open("ab") as file:
             file.write(gone)
             file.flush()

@@ -39,8 +39,8 @@ export class NearViews {
   }
 
   #best(among: Among): ChosenViews {
-    const { neighbours, weights } = this.options;
-    return weights === 'paper' ? this.#chooser.byDistance(neighbours, among)
+    const { neighbours, blend_weights } = this.options;
+    return blend_weights === 'paper' ? this.#chooser.byDistance(neighbours, among)
       : this.#chooser.byOverlap(this.#sceneDepth_m, neighbours, among);
   }
 

@@ -17,7 +17,7 @@ const PINHOLE = { width_px: 400, height_px: 800, fx_px: 600, fy_px: 600, cx_px: 
 const NUM_VIEWS = 300;
 const LOOK: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 const OPTIONS: Options = {
-  pixels: 200 * 400, num_planes: 32, neighbours: 3, weights: 'overlap', opacity: 'seen',
+  pixels: 200 * 400, num_planes: 32, neighbours: 3, blend_weights: 'overlap', opacity: 'seen', align: 'robust',
   error_threshold: 0.4, shift_px: 1, compensate_exposure: true, generator: 'layered',
 };
 /** 0.1 kB were measured (node 24.19); with views that are mapped and sorted at every frame 8 to 37. */
@@ -98,9 +98,9 @@ async function untilShown(draw: () => Seen): Promise<void> {
   }
 }
 
-test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', async (weights) => {
+test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', async (blend_weights) => {
   using store = storeOfMany();
-  using renderer = new ViewRenderer(gl, { ...OPTIONS, weights });
+  using renderer = new ViewRenderer(gl, { ...OPTIONS, blend_weights });
   const frame = new Trembling();
   const motion = new Motion();
   const draw = (): Seen => {

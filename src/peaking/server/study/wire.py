@@ -8,8 +8,9 @@ import msgspec
 from msgspec import Meta
 
 from peaking.server.wire import Id, Problem
+from peaking.study import questionnaires
 from peaking.study.procedure import Kind
-from peaking.study.questionnaires import MOST_TEXT, Answer, Choice, Item, Questionnaire
+from peaking.study.questionnaires import Answer, Choice, Item, Questionnaire
 from peaking.study.records import EventId, StepKey
 
 __all__ = ["Choice", "Item", "Questionnaire"]
@@ -18,7 +19,7 @@ Answers = Annotated[dict[str, Answer], Meta(max_length=200)]
 Seconds = Annotated[float, Meta(ge=0, le=1e11)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 
-MAX_TEXT = MOST_TEXT
+MAX_TEXT = questionnaires.MAX_TEXT
 """Characters of an answer in words."""
 
 MAX_EVENTS = 200

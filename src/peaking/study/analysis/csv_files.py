@@ -113,10 +113,14 @@ def codebook_csv(catalogue: Sequence[Measure], conditions: Sequence[str]) -> str
 
 def results_csv(analysis: Analysis) -> str:
     """Return every test that was made or could not be: one line per test and effect."""
-    rows: list[list[Cell]] = []
-    for measure in analysis.measures:
-        rows += _result_rows(measure)
+    rows = [row for measure in analysis.measures for row in _result_rows(measure)]
     return _csv(list(RESULT_COLUMNS), rows)
+
+
+def result_records(analysis: Analysis) -> list[dict[str, Cell]]:
+    """Return the lines of results.csv as one dictionary each."""
+    rows = [row for measure in analysis.measures for row in _result_rows(measure)]
+    return [dict(zip(RESULT_COLUMNS, row, strict=True)) for row in rows]
 
 
 def _result_rows(analysis: MeasureAnalysis) -> list[list[Cell]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping
 
-from peaking.page import html_page, resource
+from peaking.reports.page import html_page, resource
 from peaking.study.analysis import words
 from peaking.study.analysis.analyse import Analysis, Description, MeasureAnalysis
 from peaking.study.analysis.method import method, missing, sensitivity

@@ -1,0 +1,90 @@
+"""What a recording is to everybody who uses one: posed frames in the order they were taken.
+
+A format is one file beside this one, with a class that has these members and a line in
+`datasets/registry.py`. Nothing outside that file knows how the format looks on disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float32
+
+from peaking.frame import Frame
+from peaking.geometry import Camera
+
+
+@runtime_checkable
+class Recording(Protocol):
+    """Posed pictures, some with depth, opened and checked; pixels are read when asked for."""
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        ...
+
+    @property
+    def path(self) -> Path:
+        """The file or folder that errors about the whole recording name."""
+        ...
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Unique names of the frames that are good as file names."""
+        ...
+
+    @property
+    def cameras(self) -> Sequence[Camera]:
+        """Full-size cameras in metres, without distortion."""
+        ...
+
+    @property
+    def timestamps_s(self) -> Sequence[float | None]:
+        """Times in seconds, None where the recording has none."""
+        ...
+
+    @property
+    def has_depth(self) -> Sequence[bool]:
+        """Which frames have a depth map."""
+        ...
+
+    def __len__(self) -> int:
+        """Return how many frames there are."""
+        ...
+
+    def read(self, index: int) -> Frame:
+        """Decode one frame: picture, camera, and depth or tracked points where there are any.
+
+        Raises:
+            IndexError: There is no such frame.
+            RecordingError: One of its files cannot be used.
+        """
+        ...
+
+    def depth_size_px(self, index: int) -> tuple[int, int] | None:
+        """Return width and height of a frame's depth map, without decoding it; None without one."""
+        ...
+
+    def true_depth_m(self, index: int) -> Float32[np.ndarray, "h w"] | None:
+        """Return the exact depth of a drawn scene, 0 where it does not count; else None."""
+        ...
+
+    def fingerprint(self) -> str:
+        """Return a short name that changes with what the recording holds."""
+        ...
+
+    def write_subset(self, indices: Sequence[int], out: Path) -> Recording:
+        """Write some frames as a recording of the same format, and return it opened.
+
+        Every frame says which one of this recording it was. What was written is read back and
+        compared; `out` appears only when it is complete.
+
+        Raises:
+            ValueError: No indices, one twice, or one that is no frame.
+            RecordingError: A file of the recording cannot be read.
+            OutputError: `out` is taken, full or not writable.
+        """
+        ...

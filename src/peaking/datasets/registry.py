@@ -1,0 +1,41 @@
+"""The formats of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from peaking.datasets import nerfstudio
+from peaking.datasets.recording import Recording
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format that can be read.
+
+    Attributes:
+        name: What people call it.
+        recognises: Whether a path looks like it, at a glance.
+        open: Opens a recording; raises `RecordingError` with file, field and remedy.
+    """
+
+    name: str
+    recognises: Callable[[Path], bool]
+    open: Callable[[Path], Recording]
+
+
+FORMATS: Sequence[Format] = (
+    Format("nerfstudio", nerfstudio.recognises, nerfstudio.open_recording),
+)
+"""Asked in this order; what none recognises is opened as the first, whose complaint is shown."""
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a recording of any format.
+
+    Raises:
+        RecordingError: The first thing that is wrong, with its file, field and remedy.
+    """
+    chosen = next((known for known in FORMATS if known.recognises(path)), FORMATS[0])
+    return chosen.open(path)

@@ -1,0 +1,1 @@
+"""Where pictures were taken from, estimated from the pictures alone."""

@@ -1,0 +1,144 @@
+"""The policies by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options
+from peaking.selection.all_frames import choose_all
+from peaking.selection.backward_elimination import BackwardElimination
+from peaking.selection.farthest import choose_farthest
+from peaking.selection.policy import CandidatePath, Chooser, Chosen, Policy, walk
+from peaking.selection.random_subset import choose_randomly
+from peaking.selection.spacing import Spacing, choose_by_spacing
+from peaking.selection.threshold import Threshold, choose_by_threshold
+from peaking.selection.uniform import choose_uniform
+
+
+class NeedsWholePath(ValueError):
+    """A policy that needs the whole path was asked for without it."""
+
+
+@dataclass(frozen=True)
+class SelectionOptions:
+    """Which policy chooses views, and by what."""
+
+    policy: str = "threshold"
+    """One of `POLICIES`."""
+    num_views: int | None = None
+    """How many views; `threshold` and `plenoptic` need the whole path to reach a number."""
+    threshold_share: float = PAPER_PEAKED_SHARE
+    """Of `threshold` without a number: the peaked share, 0…1, above which a frame is taken."""
+    spacing_m: float | None = None
+    """Of `plenoptic` without a number: metres between views."""
+    uniform_metres_per_rad: float = 0.0
+    """Of `uniform`: what a rotation counts as, in metres of path; 0 leaves rotations out."""
+    seed: int = 0
+    """Of `random`."""
+
+    def __post_init__(self) -> None:
+        if self.policy not in POLICIES:
+            raise ValueError(f"need a policy among {', '.join(POLICIES)}, got {self.policy}")
+        if not 0 <= self.threshold_share < 1:
+            raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
+        if self.num_views is not None and self.num_views < 1:
+            raise ValueError(f"need num_views >= 1, got {self.num_views}")
+
+
+Create = Callable[[SelectionOptions, Options], Policy | None]
+"""Makes a policy that can be used while somebody captures; None without what it goes by."""
+
+
+@dataclass(frozen=True)
+class PolicyKind:
+    """What is known of a policy before it is used.
+
+    Attributes:
+        choose: Chooses a number of views from a whole path.
+        create: Makes the policy for use while somebody captures; None where that cannot be.
+        needs_depth: It makes MPIs, so frames without depth are no candidates.
+        is_random: Its choice depends on the seed.
+        all_frames: It takes all candidates, however many are asked for.
+    """
+
+    choose: Chooser | None = None
+    create: Create | None = None
+    needs_depth: bool = False
+    is_random: bool = False
+    all_frames: bool = False
+
+    @property
+    def needs_whole_path(self) -> bool:
+        """Whether it can only be used when the whole path is known."""
+        return self.create is None
+
+
+def _backward_elimination(how: SelectionOptions, options: Options) -> Policy | None:
+    return None if how.num_views is None else BackwardElimination(how.num_views, options)
+
+
+def _threshold(how: SelectionOptions, options: Options) -> Policy | None:
+    return Threshold(how.threshold_share) if how.num_views is None else None
+
+
+def _spacing(how: SelectionOptions, options: Options) -> Policy | None:
+    return None if how.spacing_m is None or how.num_views is not None else Spacing(how.spacing_m)
+
+
+POLICIES: Mapping[str, PolicyKind] = {
+    "peaking": PolicyKind(create=_backward_elimination, needs_depth=True),
+    "threshold": PolicyKind(create=_threshold, choose=choose_by_threshold, needs_depth=True),
+    "uniform": PolicyKind(choose=choose_uniform),
+    "farthest": PolicyKind(choose=choose_farthest),
+    "plenoptic": PolicyKind(create=_spacing, choose=choose_by_spacing),
+    "random": PolicyKind(choose=choose_randomly, is_random=True),
+    "all": PolicyKind(choose=choose_all, all_frames=True),
+}
+"""`peaking` is the product's own, greedy backward elimination; `threshold` is the paper's rule;
+`plenoptic` is LLFF's spacing. The others need the whole path."""
+
+
+def create_policy(
+    how: SelectionOptions, options: Options = DEFAULT, *, path: CandidatePath | None = None
+) -> Policy:
+    """Return a policy, ready to observe the first frame.
+
+    Args:
+        how: Which policy, and by what it goes.
+        options: How views are built and shown.
+        path: All candidates, where they are known: policies that need the whole path choose now.
+
+    Raises:
+        NeedsWholePath: The policy needs the whole path, which is not given.
+        ValueError: A number of views or a spacing is missing.
+    """
+    kind = POLICIES[how.policy]
+    policy = None if kind.create is None else kind.create(how, options)
+    if policy is not None:
+        return policy
+    if how.num_views is None and not kind.all_frames:
+        other = " or a spacing" if how.policy == "plenoptic" else ""
+        raise ValueError(f"need a number of views{other} for the policy {how.policy}")
+    if path is None or kind.choose is None:
+        raise NeedsWholePath(f"need the whole path for the policy {how.policy}")
+    count = len(path) if how.num_views is None else how.num_views
+    if count > len(path):
+        raise ValueError(f"need at least {count} candidates for {count} views, got {len(path)}")
+    choose = kind.choose
+    if how.policy == "uniform":
+        choose = partial(choose_uniform, metres_per_rad=how.uniform_metres_per_rad)
+    rng = np.random.default_rng([how.seed, count])
+    return Chosen(dict.fromkeys(choose(path, count, rng), how.policy))
+
+
+def select(path: CandidatePath, how: SelectionOptions, options: Options = DEFAULT) -> list[int]:
+    """Return the numbers of the views that a policy chooses from a path, in its order.
+
+    Raises:
+        ValueError: What the policy goes by is missing.
+    """
+    return walk(create_policy(how, options, path=path), path.candidates)

@@ -1,0 +1,249 @@
+"""Which views policies choose: worked by hand, laws, and what each may know."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from peaking.datasets import open_recording
+from peaking.errors import PeakingError
+from peaking.frame import Frame
+from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.mpi import Mpi
+from peaking.options import DEFAULT
+from peaking.selection.backward_elimination import HELD_PER_VIEW, BackwardElimination
+from peaking.selection.policy import Candidate, CandidatePath, Policy
+from peaking.selection.recorded_frames import RecordedFrames
+from peaking.selection.registry import (
+    POLICIES,
+    NeedsWholePath,
+    SelectionOptions,
+    create_policy,
+    select,
+)
+from peaking.selection.spacing import Spacing, spaced
+from peaking.selection.threshold import Threshold, taken_at
+from peaking.selection.uniform import path_m, spread_along
+from recordings import lateral_cameras, write_recording
+
+SIZE_PX = (48, 64)
+NUM_FRAMES = 24
+SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
+PINHOLE = Pinhole(4, 4, 4.0, 4.0, 2.0, 2.0)
+
+
+def cameras_at(*places_x_m: float) -> list[Camera]:
+    return [Camera(PINHOLE, Rigid(np.eye(3), np.array([x, 0.0, 0.0]))) for x in places_x_m]
+
+
+@dataclass
+class Told:
+    """A candidate that is told how red it is, and remembers what it was asked."""
+
+    number: int
+    share: float = 0.0
+    x_m: float = 0.0
+    accepted: bool = True
+    asked: list[tuple[int, ...]] = field(default_factory=list[tuple[int, ...]])
+
+    @property
+    def camera(self) -> Camera:
+        return cameras_at(self.x_m)[0]
+
+    def frame(self, pixels: int) -> Frame:
+        raise PeakingError("nobody may look")
+
+    def mpi(self, pixels: int) -> Mpi:
+        raise PeakingError("nobody may look")
+
+    def peaked_share(self, views: Sequence[int]) -> float:
+        self.asked.append(tuple(views))
+        return self.share
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> RecordedFrames:
+    root: Path = tmp_path_factory.mktemp("walk") / "walk"
+    write_recording(root, cameras=lateral_cameras(NUM_FRAMES, *SIZE_PX))
+    return RecordedFrames(open_recording(root), SMALL)
+
+
+def whole(frames: RecordedFrames) -> CandidatePath:
+    return frames.path(range(NUM_FRAMES))
+
+
+# By hand
+
+
+def test_the_threshold_takes_the_first_and_what_is_redder_than_it() -> None:
+    policy = Threshold(0.1)
+    candidates = [Told(7, 0.0), Told(8, 0.1), Told(9, 0.11), Told(10, 0.5)]
+    decisions = [policy.observe(candidate) for candidate in candidates]
+    assert [decision.take for decision in decisions] == [True, False, True, True]
+    assert [decision.reason for decision in decisions] == [
+        "the first view", "10.00% red", "11.00% red", "50.00% red",
+    ]  # fmt: skip
+    assert policy.views == (7, 9, 10)
+    assert [candidate.asked for candidate in candidates] == [[], [(7,)], [(7,)], [(7, 9)]]
+
+
+def test_a_frame_without_depth_is_not_taken_and_the_next_one_is() -> None:
+    policy = Threshold(0.1)
+    blind = Told(0, accepted=False)
+    assert policy.observe(blind).reason == "no depth"
+    assert policy.observe(Told(1)).take
+
+
+def test_spacing_asks_for_its_distance_from_all_views_where_the_path_returns() -> None:
+    path = CandidatePath(
+        [Told(k, x_m=x) for k, x in enumerate((0.0, 0.4, 1.0, 0.1, 2.0))], scene_depth_m=1.0
+    )
+    assert spaced(path, 0.5) == [0, 2, 4]
+    policy = Spacing(0.5)
+    policy.observe(path.candidates[0])
+    assert policy.observe(path.candidates[1]).reason == "40.0 cm from the nearest view"
+
+
+def test_uniform_goes_by_the_path_and_not_by_the_number() -> None:
+    cameras = cameras_at(0.0, 0.1, 0.2, 0.3, 2.0, 4.0)
+    np.testing.assert_allclose(path_m(cameras), [0.0, 0.1, 0.2, 0.3, 2.0, 4.0])
+    assert spread_along(cameras, 3) == [0, 4, 5]
+
+
+def test_uniform_takes_no_view_twice() -> None:
+    assert spread_along(cameras_at(0.0, 1.0, 1.0, 1.0), 4) == [0, 1, 2, 3]
+
+
+def test_a_rotation_can_count_as_a_way() -> None:
+    turned = Rigid(np.diag([-1.0, 1.0, -1.0]), np.zeros(3))
+    cameras = [*cameras_at(0.0), Camera(PINHOLE, turned)]
+    np.testing.assert_allclose(path_m(cameras), [0.0, 0.0])
+    np.testing.assert_allclose(path_m(cameras, metres_per_rad=2.0), [0.0, 2 * np.pi])
+
+
+# All of them
+
+
+@pytest.mark.parametrize("name", sorted(POLICIES))
+@pytest.mark.parametrize("count", [2, 5])
+def test_every_policy_gives_as_many_as_asked(frames: RecordedFrames, name: str, count: int) -> None:
+    numbers = [i for i in range(NUM_FRAMES) if i % 3]
+    chosen = select(frames.path(numbers), SelectionOptions(name, num_views=count), SMALL)
+    assert chosen == sorted(set(chosen))
+    assert set(chosen) <= set(numbers)
+    assert len(chosen) == (len(numbers) if name == "all" else count)
+
+
+ONLINE = {
+    "peaking": SelectionOptions("peaking", num_views=3),
+    "threshold": SelectionOptions("threshold", threshold_share=0.05),
+    "plenoptic": SelectionOptions("plenoptic", spacing_m=0.1),
+}
+
+
+@pytest.mark.parametrize("name", sorted(ONLINE))
+def test_what_is_held_follows_from_the_frames_seen_so_far(
+    frames: RecordedFrames, name: str
+) -> None:
+    """A policy that goes on to other frames has held the same until then."""
+    candidates = whole(frames).candidates
+    until, other = candidates[:10], candidates[:9:-1]  # then forwards, then backwards
+    held: list[list[tuple[int, ...]]] = []
+    for path in ([*until, *candidates[10:]], [*until, *other]):
+        policy = create_policy(ONLINE[name], SMALL)
+        held.append([held_after(policy, candidate) for candidate in path])
+    assert held[0][:10] == held[1][:10]
+    assert held[0][-1] != held[1][-1]
+
+
+def held_after(policy: Policy, candidate: Candidate) -> tuple[int, ...]:
+    policy.observe(candidate)
+    return tuple(policy.views)
+
+
+@pytest.mark.parametrize("name", sorted(ONLINE))
+def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: str) -> None:
+    policy = create_policy(ONLINE[name], SMALL)
+    held: set[int] = set()
+    for candidate in whole(frames).candidates:
+        decision = policy.observe(candidate)
+        assert decision.reason
+        assert set(decision.let_go) <= held
+        held -= set(decision.let_go)
+        held |= {candidate.number} if decision.take else set()
+        assert held == set(policy.views)
+    held -= set(policy.finish().let_go)
+    assert held == set(policy.views)
+
+
+def test_those_that_need_the_whole_path_say_so() -> None:
+    needing = {name for name, kind in POLICIES.items() if kind.needs_whole_path}
+    assert needing == {"uniform", "farthest", "random", "all"}
+    for name in needing | {"threshold", "plenoptic"}:
+        with pytest.raises(NeedsWholePath, match=f"whole path for the policy {name}"):
+            create_policy(SelectionOptions(name, num_views=3))
+
+
+@pytest.mark.parametrize("name", ["peaking", "uniform", "plenoptic"])
+def test_without_a_number_of_views_it_is_said(name: str) -> None:
+    with pytest.raises(ValueError, match=f"need a number of views.*{name}"):
+        create_policy(SelectionOptions(name))
+
+
+@pytest.mark.parametrize(
+    "bad", [{"policy": "best"}, {"num_views": 0}, {"threshold_share": 1.0}], ids=str
+)
+def test_impossible_selections_are_refused(bad: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="need"):
+        SelectionOptions(**bad)  # type: ignore[arg-type]
+
+
+# Threshold
+
+
+def test_random_follows_its_seed(frames: RecordedFrames) -> None:
+    once, again, other = (
+        select(whole(frames), SelectionOptions("random", num_views=6, seed=seed), SMALL)
+        for seed in (3, 3, 4)
+    )
+    assert once == again
+    assert once != other
+
+
+def test_a_lower_threshold_takes_more(frames: RecordedFrames) -> None:
+    few = taken_at(whole(frames).candidates, 0.3).views
+    more = taken_at(whole(frames).candidates, 0.02).views
+    assert few[0] == more[0] == 0
+    assert len(few) < len(more)
+
+
+# Backward elimination
+
+
+def test_who_stands_still_keeps_one_view(tmp_path: Path) -> None:
+    walked = lateral_cameras(12, *SIZE_PX)
+    cameras = [walked[0]] * 6 + walked[1:]
+    write_recording(tmp_path / "still", cameras=cameras)
+    still = RecordedFrames(open_recording(tmp_path / "still"), SMALL)
+    chosen = select(
+        still.path(range(len(cameras))), SelectionOptions("peaking", num_views=3), SMALL
+    )
+    assert sum(i < 6 for i in chosen) <= 1
+
+
+def test_peaking_covers_the_whole_walk(frames: RecordedFrames) -> None:
+    chosen = select(whole(frames), SelectionOptions("peaking", num_views=4), SMALL)
+    assert np.diff([0, *chosen, NUM_FRAMES - 1]).max() <= NUM_FRAMES // 2
+
+
+def test_it_never_holds_more_than_it_may(frames: RecordedFrames) -> None:
+    policy = BackwardElimination(2, SMALL)
+    for candidate in whole(frames).candidates:
+        policy.observe(candidate)
+        assert len(policy.views) <= HELD_PER_VIEW * 2
+    assert len(policy.finish().let_go) == HELD_PER_VIEW * 2 - 2
+    assert len(policy.views) == 2
