@@ -34,7 +34,7 @@ from peaking.study.records import (
     ViewUndone,
 )
 
-MOST_GAP_S = 5.0
+MAX_GAP_S = 5.0
 """A longer silence between two samples of the peaked share is not bridged."""
 
 Interval = tuple[float, float]
@@ -163,7 +163,7 @@ def _samples(trial: TrialRecord) -> list[PeakedTold]:
 
 def _mean_over_time(samples: Sequence[PeakedTold]) -> float | None:
     """Return the mean share in per cent; a sample holds until the next one."""
-    weights = [min(after.time_s - before.time_s, MOST_GAP_S) for before, after in pairwise(samples)]
+    weights = [min(after.time_s - before.time_s, MAX_GAP_S) for before, after in pairwise(samples)]
     if not samples:
         return None
     if sum(weights) <= 0:

@@ -20,7 +20,7 @@ COLUMNS = 4
 PANEL_IN = (2.25, 2.6)
 """Width and height of one panel, inches."""
 
-MOST_LINES = 60
+MAX_LINES = 60
 """Participants up to which the numbers of each are joined by a line."""
 
 
@@ -116,7 +116,7 @@ def _points(axes: Axes, values: Float64[np.ndarray, "participants conditions"]) 
     count = len(values)
     # A low-discrepancy sequence spreads equal numbers without a random source.
     offsets = 0.34 * (np.arange(1, count + 1) * 0.6180339887 % 1 - 0.5)
-    if count <= MOST_LINES:
+    if count <= MAX_LINES:
         for offset, row in zip(offsets, values, strict=True):
             axes.plot(
                 np.arange(len(row)) + offset, row, color=MUTED, alpha=0.22, linewidth=0.7, zorder=1

@@ -28,7 +28,7 @@ from peaking.study.statistics.signed_ranks import rank_biserial, signed_ranks
 LARGE = 100_000
 """Participants from whose numbers the population's effects are taken."""
 
-MOST_WALSH = 3000
+MAX_WALSH = 3000
 
 
 @dataclass
@@ -167,7 +167,7 @@ def population_effects(
     """Return the effects of two conditions in a whole population, by their symbols.
 
     The median of the Walsh averages, whose number grows with the square, is that of the first
-    `MOST_WALSH` participants.
+    `MAX_WALSH` participants.
     """
     first, second = values[:, 0], values[:, 1]
     away = differences(first, second)
@@ -176,7 +176,7 @@ def population_effects(
         found["d_z"] = float(away.mean() / away.std())
         found["d_av"] = float(away.mean() / np.sqrt((first.var() + second.var()) / 2))
         found["r_rb"] = rank_biserial(signed_ranks(away))
-        some = away[:MOST_WALSH]
+        some = away[:MAX_WALSH]
         rows, columns = np.triu_indices(len(some))
         found["HL"] = float(np.median(some[rows] + some[columns])) / 2
     return found

@@ -9,7 +9,7 @@ from scipy import stats
 from peaking.study.statistics.outcome import Outcome, Result, Untestable
 from peaking.study.statistics.samples import number
 
-MOST_SHAPIRO = 5000
+MAX_SHAPIRO = 5000
 """Numbers for which the approximation of the p-value was made (Royston 1995)."""
 
 
@@ -20,8 +20,8 @@ def shapiro_wilk(numbers: Float64[np.ndarray, "n"], what: str = "numbers") -> Ou
         return Untestable(name, f"needs 3 {what}, there are {len(numbers)}")
     if np.ptp(numbers) == 0:
         return Untestable(name, f"all {what} are {number(numbers[0])}: there is no spread to judge")
-    if len(numbers) > MOST_SHAPIRO:
-        return Untestable(name, f"its p-value is known up to {MOST_SHAPIRO} {what}")
+    if len(numbers) > MAX_SHAPIRO:
+        return Untestable(name, f"its p-value is known up to {MAX_SHAPIRO} {what}")
     # Centred and scaled, for SciPy loses digits on numbers that are large beside their spread.
     scaled = (numbers - np.mean(numbers)) / np.ptp(numbers)
     w, p = stats.shapiro(scaled)

@@ -14,7 +14,7 @@ from peaking.study.statistics import signed_ranks
 from peaking.study.statistics.intervals import TAIL, noncentral_t_limits, rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
-    FEWEST,
+    MIN_SAMPLE,
     NORMAL_QUANTILE,
     Effect,
     Outcome,
@@ -23,7 +23,7 @@ from peaking.study.statistics.outcome import (
 )
 from peaking.study.statistics.samples import differences, number
 
-FEWEST_WALSH = 6
+MIN_WALSH = 6
 """Pairs from which on order statistics of Walsh averages give a 95 % interval."""
 
 
@@ -111,8 +111,8 @@ def _hodges_lehmann(away: Float64[np.ndarray, "n"]) -> Effect:
     rows, columns = np.triu_indices(n)
     walsh = np.sort((away[rows] + away[columns]) / 2)
     middle = float(np.median(walsh))
-    if n < FEWEST_WALSH:
-        reason = f"no 95 % interval exists for fewer than {FEWEST_WALSH} pairs"
+    if n < MIN_WALSH:
+        reason = f"no 95 % interval exists for fewer than {MIN_WALSH} pairs"
         return Effect(name, "HL", middle, None, None, reason)
     outside = signed_ranks.lower_quantile(n, TAIL)
     low, high = float(walsh[outside - 1]), float(walsh[len(walsh) - outside])
@@ -120,8 +120,8 @@ def _hodges_lehmann(away: Float64[np.ndarray, "n"]) -> Effect:
 
 
 def _untestable(away: Float64[np.ndarray, "n"]) -> str | None:
-    if len(away) < FEWEST:
-        return f"needs {FEWEST} pairs, there are {len(away)}"
+    if len(away) < MIN_SAMPLE:
+        return f"needs {MIN_SAMPLE} pairs, there are {len(away)}"
     if not away.any():
         return "all differences are 0: nobody has different numbers in the two conditions"
     return None

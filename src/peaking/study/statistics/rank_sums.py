@@ -16,7 +16,7 @@ from peaking.study.statistics.intervals import root_between
 from peaking.study.statistics.outcome import NORMAL_QUANTILE
 from peaking.study.statistics.signed_ranks import FARTHEST
 
-FEWEST_APPROXIMATE = 50
+MIN_APPROXIMATE = 50
 """Numbers in one sample from which on the p-value is R's normal approximation."""
 
 
@@ -37,7 +37,7 @@ def two_sided_p(
     n1, n2 = len(first), len(second)
     u = rank_sum(first, second)
     ranks = stats.rankdata(np.concatenate((first, second)))
-    if n1 < FEWEST_APPROXIMATE and n2 < FEWEST_APPROXIMATE:
+    if n1 < MIN_APPROXIMATE and n2 < MIN_APPROXIMATE:
         chance = _distribution(ranks, n1)
         doubled_u = np.arange(len(chance)) - n1 * (n1 + 1)
         as_far = np.abs(doubled_u - n1 * n2) >= abs(round(2 * u) - n1 * n2)

@@ -16,7 +16,7 @@ from scipy import special, stats
 from peaking.study.statistics.intervals import root_between
 from peaking.study.statistics.outcome import NORMAL_QUANTILE
 
-MOST_EXACT = 50
+MAX_EXACT = 50
 """Differences up to which the p-value is exact; above, it is the normal approximation of R."""
 
 FARTHEST = 6.0
@@ -32,12 +32,12 @@ def signed_ranks(differences: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "
 def two_sided_p(ranks: Float64[np.ndarray, "m"]) -> tuple[float, str]:
     """Return the p-value of V, the sum of the positive ranks, and how it was computed.
 
-    Twice the smaller tail, at most 1. For more than `MOST_EXACT` ranks: normal approximation with
+    Twice the smaller tail, at most 1. For more than `MAX_EXACT` ranks: normal approximation with
     the variance for ties and a continuity correction of 0.5, as R's `wilcox.test`.
     """
     v = float(ranks[ranks > 0].sum())
     sizes = np.abs(ranks)
-    if len(ranks) <= MOST_EXACT:
+    if len(ranks) <= MAX_EXACT:
         chance = _distribution(sizes)
         at = round(2 * v)
         tail = min(chance[: at + 1].sum(), chance[at:].sum())
@@ -61,9 +61,9 @@ def _distribution(sizes: Float64[np.ndarray, "m"]) -> Float64[np.ndarray, "sums"
 def lower_quantile(n: int, tail: float) -> int:
     """Return the smallest v with P(V ≤ v) ≥ `tail` for n differences without ties; at least 1.
 
-    R's `qsignrank`. Up to `MOST_EXACT` exact, above it by the normal approximation.
+    R's `qsignrank`. Up to `MAX_EXACT` exact, above it by the normal approximation.
     """
-    if n > MOST_EXACT:
+    if n > MAX_EXACT:
         most = n * (n + 1) / 2
         deviation = np.sqrt(most * (2 * n + 1) / 12)
         return max(1, int(np.ceil(most / 2 + special.ndtri(tail) * deviation)))
