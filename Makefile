@@ -1,6 +1,6 @@
 # All that people and CI call. `make demo` and `make test` do their own set-up.
-.PHONY: help install torch client wire style check fix test docs release-check bench quality demo \
-  replay clean
+.PHONY: help install torch client wire test check style types web-test api-test docs \
+  release-check fix bench quality demo replay clean
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3.11
@@ -8,6 +8,7 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 TORCH := .venv/.torch
 CLIENT := src/peaking/server/client/index.html
+CORES := $(shell nproc)
 # Schemathesis gives the tests of all addresses one id, and of those pytest-xdist would run one.
 SHARED_IDS := tests/server/test_openapi.py
 # Modules that import PyTorch can be checked only where it is: in `make test`.
@@ -47,21 +48,30 @@ replay: install  ## Replay the sample scene; ends with the path of a report
 	@rm -rf out/replay
 	@$(BIN)/peaking replay scenes/desk --out out/replay
 
-test: style torch docs  ## Pass all checks and tests, those in a real browser too
-	@$(BIN)/pyright
+test: install torch  ## Pass all checks and tests, those in a real browser too
 	@scripts/install_browser
-	@scripts/with_node npm --prefix web run --silent test
-	@$(BIN)/pytest -n auto --dist loadfile --ignore $(SHARED_IDS)
-	@$(BIN)/pytest $(SHARED_IDS)
-	@$(BIN)/python scripts/check_release.py
+	@$(MAKE) --no-print-directory --jobs $(CORES) --output-sync=recurse style types web-test api-test \
+	  docs release-check
+	@$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --ignore $(SHARED_IDS)
 
 check: style  ## Check style and types, without PyTorch
 	@grep -rLE --include='*.py' '$(NEED_TORCH)' src tests examples | xargs $(BIN)/pyright
+
+# What make test does side by side before the tests of Python, which take all cores themselves.
 
 style: install
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@scripts/with_node npm --prefix web run --silent check
+
+types: install torch
+	@$(BIN)/pyright
+
+web-test: install
+	@scripts/with_node npm --prefix web run --silent test
+
+api-test: install
+	@$(BIN)/pytest $(SHARED_IDS)
 
 fix: install  ## Mend style where it can be done by itself
 	@$(BIN)/ruff check --fix

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from peaking.output import encode_jpeg
+from peaking.server import wire
 
 WIDTH, HEIGHT = 60, 128
 DEPTH_WIDTH, DEPTH_HEIGHT = 15, 32
@@ -20,10 +21,9 @@ def capture_id(number: int) -> str:
     return f"c0ffee00-0000-4000-8000-{number:012d}"
 
 
-def new_session(session_id: str = SESSION_ID, **changes: Any) -> dict[str, Any]:
+def new_session(**changes: Any) -> dict[str, Any]:
     """Return the body that begins a session."""
-    body = {"id": session_id, "protocol": 1, "name": "Kitchen", "source": "virtual"}
-    return body | changes
+    return {"protocol": wire.PROTOCOL, "name": "Kitchen", "source": "virtual"} | changes
 
 
 def photo(number: int = 0) -> bytes:
@@ -53,7 +53,7 @@ def points_m(number: int = 0) -> np.ndarray:
 def header(number: int = 0, **changes: Any) -> dict[str, Any]:
     """Return the header of a good upload; `None` removes a field."""
     fields: dict[str, Any] = {
-        "protocol": 1,
+        "protocol": wire.PROTOCOL,
         "camera": {
             "pinhole": {
                 "width_px": WIDTH,

@@ -39,11 +39,11 @@ GUESSED_RANGE_M = (0.8, 4.0)
 NEIGHBOURS = 4
 """Views that are asked for evidence, the nearest."""
 
-LEAST_ALPHA = 0.95
+MIN_ALPHA = 0.95
 RENDERED_SHRINK = 4
 """Neighbours are rendered in a quarter of the size per axis."""
 
-LEAST_INLIERS = 0.5
+MIN_INLIERS = 0.5
 """Share of the evidence that must agree with a fit for it to be believed."""
 
 
@@ -89,7 +89,7 @@ def estimate_depth(
     evidence = evidence_for(frame, others)
     try:
         fit = fit_metric(relative, evidence)
-        if fit.inliers >= LEAST_INLIERS:
+        if fit.inliers >= MIN_INLIERS:
             return EstimatedDepth(metric_depth_m(relative, fit, evidence), fit)
     except NothingToAlign:
         pass
@@ -127,7 +127,7 @@ def _rendered(mpi: Mpi, frame: Frame) -> Evidence:
         max(width // RENDERED_SHRINK, 1), max(height // RENDERED_SHRINK, 1)
     )
     seen = render(mpi, small)
-    known_m = np.where(seen.alpha >= LEAST_ALPHA, seen.depth_m, np.float32(0.0))
+    known_m = np.where(seen.alpha >= MIN_ALPHA, seen.depth_m, np.float32(0.0))
     return evidence_of_depth(known_m.astype(np.float32), (width, height))
 
 

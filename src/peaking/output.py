@@ -79,7 +79,7 @@ def write_atomically(path: Path, data: bytes) -> None:
             raise
 
 
-Picture = (
+Image = (
     UInt8[np.ndarray, "h w 3"]
     | UInt8[np.ndarray, "h w 4"]
     | UInt8[np.ndarray, "h w"]
@@ -87,7 +87,7 @@ Picture = (
 )
 
 
-def encode_png(picture: Picture) -> bytes:
+def encode_png(picture: Image) -> bytes:
     """Return RGB, RGB with straight alpha, grey, or depth in millimetres as the bytes of a PNG."""
     turned = picture
     if picture.ndim == 3:

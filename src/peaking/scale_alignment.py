@@ -13,7 +13,7 @@ from peaking.mpi import Mpi
 from peaking.options import ScaleMethod
 from peaking.rendering import Backend, source_disparity
 
-LEAST_ALPHA = 0.5
+MIN_ALPHA = 0.5
 """Opacity that a pixel needs for its rendered disparity to count."""
 
 
@@ -92,5 +92,5 @@ def align_scale(
             metric_depth_m, (width, height), interpolation=cv2.INTER_NEAREST
         ).astype(np.float32)
     disparity, alpha = source_disparity(mpi, (width, height), backend=backend)
-    disparity = np.where(alpha >= LEAST_ALPHA, disparity, np.float32(0.0))
+    disparity = np.where(alpha >= MIN_ALPHA, disparity, np.float32(0.0))
     return fit_scale(disparity, metric_depth_m, method=method)

@@ -7,20 +7,19 @@ from jaxtyping import Float32, UInt8
 
 from peaking.benchmarks.single_view import (
     METHODS,
-    Drawing,
     as_dict,
     as_markdown,
     choose_pairs,
-    draw_mesh,
-    draw_splat,
     exposure_gain,
+    render_mesh,
+    render_splat,
     single_view_quality,
-    straight,
 )
 from peaking.datasets import open_recording
 from peaking.errors import RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
+from peaking.rendering import Rendering
 from recordings import STEP_M, write_recording
 
 GOOD_DB = 30.0
@@ -34,14 +33,16 @@ def as_measured(
     return sensor_m
 
 
-def draw_nothing(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Drawing:
-    rgb, alpha = draw_splat(frame, depth_m, target)
-    return 0 * rgb, 0 * alpha
+def render_nothing(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Rendering:
+    rendering = render_splat(frame, depth_m, target)
+    return Rendering(0 * rendering.rgba, rendering.depth_m)
 
 
-def draw_grey(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Drawing:
-    _, alpha = draw_splat(frame, depth_m, target)
-    return np.full((*alpha.shape, 3), 0.5, np.float32), np.ones_like(alpha)
+def render_grey(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Rendering:
+    rendering = render_splat(frame, depth_m, target)
+    rgba = np.full_like(rendering.rgba, 0.5)
+    rgba[..., 3] = 1
+    return Rendering(rgba, rendering.depth_m)
 
 
 def test_pairs_are_spread_evenly_and_at_the_wanted_distance(tmp_path: Path) -> None:
@@ -67,23 +68,19 @@ def test_a_recording_without_depth_has_no_pairs(tmp_path: Path) -> None:
     assert choose_pairs(recording, STEP_M, count=3) == []
 
 
+def opaque(rgb: np.ndarray) -> Rendering:
+    alpha = np.ones(rgb.shape[:2], np.float32)
+    return Rendering(np.dstack([rgb, alpha]).astype(np.float32), alpha)
+
+
 def test_gain_is_the_ratio_of_exposures_within_limits() -> None:
     # The last channel of the first drawing is too dark to tell.
     photo = np.tile(np.linspace(0.2, 0.6, 40, dtype=np.float32)[:, None, None], (1, 20, 3))
-    opaque = np.ones((40, 20), np.float32)
     gains = np.array([1.0, 1.25, 8.0], dtype=np.float32)
     np.testing.assert_allclose(
-        exposure_gain((photo / gains, opaque), photo), [1.0, 1.25, 1.0], rtol=1e-5
+        exposure_gain(opaque(photo / gains), photo), [1.0, 1.25, 1.0], rtol=1e-5
     )
-    np.testing.assert_allclose(exposure_gain((photo / 1.6, opaque), photo), 1.4, rtol=1e-5)
-
-
-def test_straight_colour_undoes_alpha() -> None:
-    premultiplied = np.array([[[0.2, 0.1, 0.0], [0.0, 0.0, 0.0]]], dtype=np.float32)
-    alpha = np.array([[0.5, 0.0]], dtype=np.float32)
-    np.testing.assert_allclose(
-        straight((premultiplied, alpha)), [[[0.4, 0.2, 0.0], [0.0, 0.0, 0.0]]], atol=1e-6
-    )
+    np.testing.assert_allclose(exposure_gain(opaque(photo / 1.6), photo), 1.4, rtol=1e-5)
 
 
 def test_everybody_is_good_at_five_centimetres_and_grey_is_not(tmp_path: Path) -> None:
@@ -93,7 +90,7 @@ def test_everybody_is_good_at_five_centimetres_and_grey_is_not(tmp_path: Path) -
         baselines_m=(STEP_M,),
         pairs_per_distance=2,
         size_px=(128, 96),
-        methods={**METHODS, "grey": draw_grey},
+        methods={**METHODS, "grey": render_grey},
         complete=as_measured,
     )
     by_name = {row.method: row for row in rows}
@@ -120,7 +117,7 @@ def test_common_pixels_are_the_same_for_all_methods(tmp_path: Path) -> None:
         baselines_m=(STEP_M,),
         pairs_per_distance=1,
         size_px=(64, 48),
-        methods={"splat": draw_splat, "mesh": draw_mesh, "twin": draw_splat},
+        methods={"splat": render_splat, "mesh": render_mesh, "twin": render_splat},
         complete=as_measured,
     )
     splat, _, twin = rows
@@ -135,7 +132,7 @@ def test_a_method_that_draws_nothing_leaves_nothing_to_compare(tmp_path: Path) -
             tmp_path / "room",
             baselines_m=(STEP_M,),
             size_px=(64, 48),
-            methods={"splat": draw_splat, "nothing": draw_nothing},
+            methods={"splat": render_splat, "nothing": render_nothing},
             complete=as_measured,
         )
 

@@ -35,7 +35,10 @@ from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyConfig, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.splat.ply import read_ply, write_ply
+from peaking.study.analysis.analyse import analyse
+from peaking.study.analysis.matrix import matrices_of
 from peaking.study.privacy import erase_participant
+from peaking.study.tables import read_study
 from recordings import Room, lateral_cameras, write_recording
 
 FINISHED = "5e551011-0000-4000-8000-0000000000f1"
@@ -78,7 +81,7 @@ def write(folder: Path) -> None:
     evaluated = ["evaluate", str(recording), "--out", str(folder / "evaluation"), "--workers", "1"]
     main([*evaluated, "--strategies", "peaking", "uniform", "--views", "3", *SMALL])
     _splat(folder, recording)
-    main(["study", "simulate", "--participants", "4", "--out", str(folder / "study_simulated")])
+    _simulated_study(folder / "study_simulated")
     _study(folder / "study")
     (folder / "about.json").write_text(json.dumps({"peaking": peaking.__version__}) + "\n")
 
@@ -235,6 +238,19 @@ def _splat(folder: Path, recording: Path) -> None:
     means = {name: np.mean(getattr(kept, name), axis=0).ravel().tolist() for name in fields}
     facts = {"gaussians": len(kept), "mean": means}
     (folder / "splat.json").write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def _simulated_study(folder: Path) -> None:
+    main(["study", "simulate", "--participants", "4", "--out", str(folder)])
+    facts = folder.with_name(f"{folder.name}.json")
+    facts.write_text(json.dumps(means_of(folder), indent=1) + "\n")
+
+
+def means_of(study: Path) -> dict[str, list[float | None]]:
+    """Return the mean of every measure in each condition, as the analysis has it."""
+    read = read_study(study)
+    analysis = analyse(read.protocol, matrices_of(read))
+    return {m.measure.name: [d.mean for d in m.described] for m in analysis.measures}
 
 
 def _study(folder: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from jaxtyping import Float64
 
 from peaking.depth.scale_shift import (
-    LEAST_POINTS,
+    MIN_POINTS,
     Evidence,
     evidence_of_depth,
     evidence_of_points,
@@ -94,9 +94,7 @@ def test_of_a_wall_only_the_scale_can_be_told() -> None:
 
 
 def test_too_few_points_decide_nothing() -> None:
-    with pytest.raises(
-        NothingToAlign, match=f"need {LEAST_POINTS} points of known distance, got 3"
-    ):
+    with pytest.raises(NothingToAlign, match=f"need {MIN_POINTS} points of known distance, got 3"):
         fit_metric(ramp(), points_on(ramp(), 3, 0))
 
 

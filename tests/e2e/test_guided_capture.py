@@ -141,7 +141,7 @@ def test_a_view_that_is_undone_opens_its_target_again(
     phone.wait_for(lambda: phone.guide()["taken"] == 1)
     phone.page.keyboard.press("z")
     phone.wait_for(lambda: phone.guide()["taken"] == 0)
-    phone.page.get_by_role("button", name="Forget the targets and scan again").click()
+    phone.page.get_by_role("button", name="Remove the targets and scan again").click()
     phone.wait_for(lambda: phone.guide()["phase"] == "scan")
     assert phone.problems == []
 
@@ -169,8 +169,8 @@ def test_a_recording_can_be_guided_too(browser: Browser, tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("query", "says"),
-    [("guide=grid", "no guide"), ("guide=planes&area=-1", "Need area"),
-     ("guide=planes&shutter=x", "no shutter")],
+    [("guide=grid", "Unknown guide"), ("guide=planes&area=-1", "area must be"),
+     ("guide=planes&shutter=x", "Unknown shutter")],
 )  # fmt: skip
 def test_an_address_that_asks_for_no_guide_is_told_so(
     context: BrowserContext, server: LiveServer, query: str, says: str

@@ -79,7 +79,7 @@ def test_check_says_what_to_do_about_what_is_missing(
     assert (grade, says in sentence) == ("bad", True)
     grade, sentence = finding(page, "WebGL 2")
     assert (grade, "hardware acceleration" in sentence) == ("bad", True)
-    assert finding(page, "Work beside the picture")[0] == "bad"
+    assert finding(page, "Background work")[0] == "bad"
     grade, sentence = finding(page, "Storage on this device")
     assert (grade, "private window" in sentence) == ("warn", True)
     assert page.locator(".verdict").inner_text().startswith("Not ready")
@@ -95,7 +95,7 @@ def test_check_without_the_token_says_so(browser: Browser, tmp_path: Path) -> No
         context = browser.new_context(viewport=SIZES["phone"])
         page = opened(context, f"{server.address}/check")
         grade, sentence = finding(page, "Server")
-        assert (grade, "open the link that it printed" in sentence) == ("bad", True)
+        assert (grade, "Open the link that it printed" in sentence) == ("bad", True)
         page = opened(context, f"{server.address}/check#token=a-token-to-test")
         assert finding(page, "Server")[0] == "good"
         assert "token" not in page.evaluate("location.href")
@@ -118,14 +118,14 @@ def test_the_dashboard_follows_a_live_session(
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.locator("#list .live", has_text="Virtual room").wait_for()
-    page.get_by_text("1 view, 1 part of the picture").wait_for()
+    page.get_by_text("1 view, 1 ready").wait_for()
 
     for step in range(1, 4):  # the page is open while the phone goes on
         phone.hold(moved(x_m=0.12 * step, z_m=-0.05 * step))
         if step != 2:
             phone.shoot_and_wait()
     phone.page.keyboard.press("z")
-    page.get_by_text("2 views, 2 part of the picture").wait_for()
+    page.get_by_text("2 views, 2 ready").wait_for()
     assert page.locator(".photos a.ready").count() == 2
     assert page.locator(".photos a.removed").count() == 1
     phone.wait_for(

@@ -247,7 +247,7 @@ def test_a_whole_participant(
     page.locator("#liked").fill("The red.")
     hand_in(page)
     heading(page, "Thank you")
-    console.get_by_text("Everything is on the disk").wait_for()
+    console.get_by_text("All data is saved").wait_for()
     desktop.close()
 
     study = read(server)

@@ -18,7 +18,7 @@ from peaking.datasets import open_recording
 from peaking.errors import OutputError
 from peaking.experiments.costs import Costs, added, took, worker_name
 from peaking.experiments.executors import InProcess, ProcessPool
-from peaking.experiments.plan import EvaluationPlan, Step
+from peaking.experiments.plan import EvaluationOptions, Step
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found
 from peaking.mpi import Mpi
@@ -31,8 +31,8 @@ SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
 
 
 @pytest.fixture
-def plan(walk: Path) -> EvaluationPlan:
-    return EvaluationPlan(
+def plan(walk: Path) -> EvaluationOptions:
+    return EvaluationOptions(
         scenes=(walk,),
         options=SMALL,
         strategies=("peaking", "threshold", "uniform", "random", "all"),
@@ -53,7 +53,7 @@ class Kept:
             yield step, found
 
 
-def test_two_workers_make_every_mpi_once(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_two_workers_make_every_mpi_once(plan: EvaluationOptions, tmp_path: Path) -> None:
     """The 18 candidates at the full size, and at the size at which `peaking` looks at errors."""
     pool = Kept()
     costs = evaluate(plan, tmp_path / "out", pool).costs
@@ -143,7 +143,7 @@ def test_costs_in_one_line() -> None:
 
 
 def test_what_earlier_runs_did_counts_and_their_workers_do_not(
-    plan: EvaluationPlan, tmp_path: Path
+    plan: EvaluationOptions, tmp_path: Path
 ) -> None:
     first = evaluate(plan, tmp_path / "out", ProcessPool(2)).costs
     again = evaluate(plan, tmp_path / "out", InProcess()).costs

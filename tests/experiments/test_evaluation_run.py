@@ -19,12 +19,12 @@ from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.experiments.executors import InProcess, ProcessPool
 from peaking.experiments.plan import (
     ChooseStep,
-    EvaluationPlan,
+    EvaluationOptions,
     Step,
     choose_steps,
     key_of,
 )
-from peaking.experiments.reconstruct import SplatPlan
+from peaking.experiments.reconstruct import SplatTraining
 from peaking.experiments.run import evaluate
 from peaking.experiments.step_cache import StepCache
 from peaking.experiments.steps import Found, perform
@@ -41,8 +41,8 @@ FILES = {"results.json", "views.csv", "table.md", "table.tex", "report.html", "p
 
 
 @pytest.fixture
-def plan(walk: Path) -> EvaluationPlan:
-    return EvaluationPlan(
+def plan(walk: Path) -> EvaluationOptions:
+    return EvaluationOptions(
         scenes=(walk,),
         options=SMALL,
         strategies=("peaking", "uniform", "random", "all"),
@@ -84,7 +84,7 @@ def same(rows: list[dict[str, object]]) -> list[object]:
 
 
 def test_everything_is_written_and_begins_with_the_configuration(
-    plan: EvaluationPlan, tmp_path: Path
+    plan: EvaluationOptions, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     evaluate(replace(plan, test_views=("holdout", "paper")), out, InProcess())
@@ -99,7 +99,7 @@ def test_everything_is_written_and_begins_with_the_configuration(
     assert compared >= {("holdout", "uniform"), ("paper", "random")}
 
 
-def test_more_views_show_more(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_more_views_show_more(plan: EvaluationOptions, tmp_path: Path) -> None:
     found = evaluate(plan, tmp_path / "out", InProcess())
     mean = {r.case.strategy: r.row()["psnr_mean"] for r in found.results}
     assert isinstance(mean["all"], float)
@@ -108,7 +108,7 @@ def test_more_views_show_more(plan: EvaluationPlan, tmp_path: Path) -> None:
 
 
 def test_what_was_stopped_goes_on_and_nothing_is_done_twice(
-    plan: EvaluationPlan, tmp_path: Path
+    plan: EvaluationOptions, tmp_path: Path
 ) -> None:
     out, whole = tmp_path / "out", tmp_path / "whole"
     first, second, unbroken = Counting(stop_before=7), Counting(), Counting()
@@ -122,7 +122,9 @@ def test_what_was_stopped_goes_on_and_nothing_is_done_twice(
     assert rows_of(out) == same(rows_of(whole))
 
 
-def test_what_is_done_is_read_again_without_a_worker(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_what_is_done_is_read_again_without_a_worker(
+    plan: EvaluationOptions, tmp_path: Path
+) -> None:
     """The command as it is, with its workers, where nothing is left to do."""
     evaluate(plan, tmp_path / "out", InProcess())
     before = rows_of(tmp_path / "out")
@@ -130,7 +132,7 @@ def test_what_is_done_is_read_again_without_a_worker(plan: EvaluationPlan, tmp_p
     assert rows_of(tmp_path / "out") == before
 
 
-def test_another_setting_is_another_step(walk: Path, plan: EvaluationPlan) -> None:
+def test_another_setting_is_another_step(walk: Path, plan: EvaluationOptions) -> None:
     print_of = open_recording(walk).fingerprint()
     step = ChooseStep(walk, print_of, SMALL, "uniform", "holdout", 4, 0)
     others = [
@@ -144,7 +146,7 @@ def test_another_setting_is_another_step(walk: Path, plan: EvaluationPlan) -> No
 
 
 def test_rotations_count_for_uniform_where_asked_and_change_no_other_step(
-    plan: EvaluationPlan, tmp_path: Path
+    plan: EvaluationOptions, tmp_path: Path
 ) -> None:
     """A camera that goes, turns on the spot, and goes on."""
     straight = lateral_cameras(FRAMES, *SIZE_PX)
@@ -173,7 +175,7 @@ def yaw(angle_rad: float) -> np.ndarray:
 
 
 def test_a_damaged_step_is_said_and_done_again(
-    plan: EvaluationPlan, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    plan: EvaluationOptions, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     out = tmp_path / "out"
     evaluate(plan, out, InProcess())
@@ -188,7 +190,7 @@ def test_a_damaged_step_is_said_and_done_again(
 
 
 def test_steps_that_fit_nothing_any_more_are_said_once(
-    plan: EvaluationPlan, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    plan: EvaluationOptions, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     by_pose = replace(plan, strategies=("uniform",))
     evaluate(by_pose, tmp_path / "out", InProcess())
@@ -200,13 +202,13 @@ def test_steps_that_fit_nothing_any_more_are_said_once(
     assert str(tmp_path / "out" / "cache") in caplog.text
 
 
-def test_workers_find_the_same(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_workers_find_the_same(plan: EvaluationOptions, tmp_path: Path) -> None:
     evaluate(plan, tmp_path / "here", InProcess())
     evaluate(plan, tmp_path / "there", ProcessPool(2))
     assert rows_of(tmp_path / "here") == same(rows_of(tmp_path / "there"))
 
 
-def test_a_worker_that_dies_loses_nothing(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_a_worker_that_dies_loses_nothing(plan: EvaluationOptions, tmp_path: Path) -> None:
     """A worker is killed after the first result: the rest is done by others."""
     evaluate(plan, tmp_path / "here", InProcess())
     pool = Killing(ProcessPool(2))
@@ -236,19 +238,19 @@ def worker_processes() -> list[int]:
     return [int(pid) for pid in mine if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
-def test_gaussians_take_part(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_gaussians_take_part(plan: EvaluationOptions, tmp_path: Path) -> None:
     trained = replace(
         plan,
         strategies=("peaking", "uniform"),
         reconstruct=("mpi", "3dgs"),
-        splat=SplatPlan(iterations=30, pixels=SIZE_PX[0] * SIZE_PX[1]),
+        splat=SplatTraining(iterations=30, pixels=SIZE_PX[0] * SIZE_PX[1]),
     )
     found = evaluate(trained, tmp_path / "out", InProcess())
     assert {r.case.reconstruct for r in found.results} == {"mpi", "3dgs"}
     assert all(score.psnr > 5 for r in found.results for score in r.scores)
 
 
-def test_as_many_views_as_the_paper_would_take(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_as_many_views_as_the_paper_would_take(plan: EvaluationOptions, tmp_path: Path) -> None:
     lower = replace(plan, views="threshold-count", threshold_share=0.01)
     higher = replace(plan, views="threshold-count", threshold_share=0.08)
     few = evaluate(higher, tmp_path / "few", InProcess()).results[0].case.n_views
@@ -258,29 +260,31 @@ def test_as_many_views_as_the_paper_would_take(plan: EvaluationPlan, tmp_path: P
 
 def test_a_recording_without_depth_is_refused_with_what_to_leave_out(tmp_path: Path) -> None:
     bare = write_recording(tmp_path / "bare", num_frames=16, with_depth=False)
-    plan = EvaluationPlan(scenes=(bare,), options=SMALL, views=(3,))
+    plan = EvaluationOptions(scenes=(bare,), options=SMALL, views=(3,))
     with pytest.raises(RecordingError, match=r"peaking and threshold and --reconstruct mpi need"):
         evaluate(plan, tmp_path / "out", InProcess())
     by_pose = replace(plan, strategies=("uniform", "farthest"), reconstruct=("3dgs",))
-    by_pose = replace(by_pose, splat=SplatPlan(iterations=5, pixels=1024))
+    by_pose = replace(by_pose, splat=SplatTraining(iterations=5, pixels=1024))
     assert len(evaluate(by_pose, tmp_path / "poses", InProcess()).results) == 2
 
 
-def test_too_many_views_leave_no_report(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_too_many_views_leave_no_report(plan: EvaluationOptions, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="90 views were asked for"):
         evaluate(replace(plan, views=(90,)), tmp_path / "out", InProcess())
     assert not (tmp_path / "out" / "results.json").exists()
 
 
 def test_what_a_worker_cannot_do_is_said_as_it_is_here(
-    plan: EvaluationPlan, tmp_path: Path
+    plan: EvaluationOptions, tmp_path: Path
 ) -> None:
     with pytest.raises(RecordingError, match="90 views were asked for") as raised:
         evaluate(replace(plan, views=(90,)), tmp_path / "out", ProcessPool(1))
     assert raised.value.remedy == "ask for 2 to 18 views (--views)"
 
 
-def test_a_folder_with_something_else_is_left_alone(plan: EvaluationPlan, tmp_path: Path) -> None:
+def test_a_folder_with_something_else_is_left_alone(
+    plan: EvaluationOptions, tmp_path: Path
+) -> None:
     (tmp_path / "letters.txt").write_text("dear")
     with pytest.raises(OutputError, match=r"holds letters\.txt, not an evaluation"):
         evaluate(plan, tmp_path, InProcess())
@@ -297,13 +301,15 @@ def test_a_folder_with_something_else_is_left_alone(plan: EvaluationPlan, tmp_pa
         ({"threshold_share": 1.5}, "need 0 <= threshold < 1"),
     ],
 )
-def test_wrong_plans_are_refused(plan: EvaluationPlan, wrong: dict[str, object], says: str) -> None:
+def test_wrong_plans_are_refused(
+    plan: EvaluationOptions, wrong: dict[str, object], says: str
+) -> None:
     with pytest.raises(ValueError, match=says):
         replace(plan, **wrong)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_cache_that_cannot_be_written_is_an_error_with_its_name(
-    plan: EvaluationPlan, tmp_path: Path, walk: Path
+    plan: EvaluationOptions, tmp_path: Path, walk: Path
 ) -> None:
     blocked = tmp_path / "cache"
     blocked.write_text("a file")

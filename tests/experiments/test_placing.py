@@ -16,8 +16,8 @@ from peaking.errors import BackendUnavailable, RecordingError
 from peaking.experiments import placing
 from peaking.experiments.executors import InProcess
 from peaking.experiments.placing import Placement, at_pose, pose_of
-from peaking.experiments.plan import EvaluationPlan, PlaceStep, Step
-from peaking.experiments.reconstruct import SplatPlan
+from peaking.experiments.plan import EvaluationOptions, PlaceStep, Step
+from peaking.experiments.reconstruct import SplatTraining
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found, perform
 from peaking.experiments.tables import Evaluation, table_md
@@ -36,14 +36,14 @@ TESTED = [2, 6, 10, 14, 18, 22]
 
 
 @pytest.fixture
-def plan(walk: Path) -> EvaluationPlan:
-    return EvaluationPlan(
+def plan(walk: Path) -> EvaluationOptions:
+    return EvaluationOptions(
         scenes=(walk,),
         options=replace(DEFAULT, pixels=48 * 64, num_planes=8),
         strategies=("uniform", "farthest"),
         reconstruct=("mpi", "3dgs"),
         views=(4,),
-        splat=SplatPlan(iterations=60, pixels=SIZE_PX[0] * SIZE_PX[1]),
+        splat=SplatTraining(iterations=60, pixels=SIZE_PX[0] * SIZE_PX[1]),
         cameras="colmap",
     )
 
@@ -79,7 +79,7 @@ def psnrs(found: Evaluation, reconstruct: str) -> list[list[float]]:
 
 
 def test_cameras_where_they_were_recorded_change_nothing(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(placing, "estimate_cameras", Told())
     placed = evaluate(plan, tmp_path / "placed", InProcess())
@@ -90,7 +90,7 @@ def test_cameras_where_they_were_recorded_change_nothing(
 
 
 def test_gaussians_and_only_they_are_seen_from_the_cameras_that_colmap_says(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(placing, "estimate_cameras", Told())
     right = evaluate(plan, tmp_path / "right", InProcess())
@@ -101,7 +101,7 @@ def test_gaussians_and_only_they_are_seen_from_the_cameras_that_colmap_says(
 
 
 def test_what_cannot_be_placed_is_neither_trained_on_nor_tested_and_said(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frame 0 is the first view of both strategies; frame 6 is a test view."""
     monkeypatch.setattr(placing, "estimate_cameras", Told(without=(0, 6)))
@@ -121,7 +121,7 @@ def test_what_cannot_be_placed_is_neither_trained_on_nor_tested_and_said(
 
 
 def test_colmap_is_asked_once_whatever_is_evaluated(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     colmap = Told()
     monkeypatch.setattr(placing, "estimate_cameras", colmap)
@@ -146,7 +146,7 @@ class Noting:
 
 
 def test_without_a_placed_test_view_there_is_nothing_to_say(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(placing, "estimate_cameras", Told(without=TESTED))
     with pytest.raises(RecordingError, match=r"0 of the 6 test views; take --cameras recorded"):
@@ -155,7 +155,7 @@ def test_without_a_placed_test_view_there_is_nothing_to_say(
 
 
 def test_without_pycolmap_it_is_said_before_anything_is_chosen(
-    plan: EvaluationPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     noting = Noting()
@@ -165,7 +165,7 @@ def test_without_pycolmap_it_is_said_before_anything_is_chosen(
 
 
 def test_pictures_that_cannot_be_joined_are_said_with_the_recording(
-    plan: EvaluationPlan, walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: EvaluationOptions, walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost(frames: Sequence[Frame]) -> Estimate:
         raise CamerasNotFound("COLMAP could not join three of the pictures")
@@ -175,7 +175,7 @@ def test_pictures_that_cannot_be_joined_are_said_with_the_recording(
         evaluate(plan, tmp_path / "out", InProcess())
 
 
-def test_mpis_alone_have_no_use_for_colmap(plan: EvaluationPlan) -> None:
+def test_mpis_alone_have_no_use_for_colmap(plan: EvaluationOptions) -> None:
     with pytest.raises(ValueError, match="need --reconstruct 3dgs for --cameras colmap"):
         replace(plan, reconstruct=("mpi",))
 
@@ -199,12 +199,12 @@ def test_at_colmaps_cameras_gaussians_are_as_good_as_at_exact_ones(tmp_path: Pat
     """The sample scene's pictures are ray-traced, so the recorded cameras are exact."""
     desk = open_recording(DESK)
     few = desk.write_subset(range(0, len(desk), 6), tmp_path / "desk")
-    plan = EvaluationPlan(
+    plan = EvaluationOptions(
         scenes=(few.path.parent,),
         strategies=("uniform",),
         reconstruct=("3dgs",),
         views=(12,),
-        splat=SplatPlan(iterations=400, pixels=10_000),
+        splat=SplatTraining(iterations=400, pixels=10_000),
     )
     recorded = evaluate(plan, tmp_path / "recorded", InProcess())
     placed = evaluate(replace(plan, cameras="colmap"), tmp_path / "placed", InProcess())

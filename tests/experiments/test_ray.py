@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from peaking.experiments.executors import InProcess, RayTasks
-from peaking.experiments.plan import EvaluationPlan, Step
+from peaking.experiments.plan import EvaluationOptions, Step
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found
 from peaking.options import DEFAULT
@@ -68,7 +68,7 @@ def test_one_of_two_workers_is_killed_and_nothing_is_lost_or_doubled(
     two_workers: None, tmp_path: Path
 ) -> None:
     scene = write_recording(tmp_path / "walk", cameras=lateral_cameras(24, 48, 64))
-    plan = EvaluationPlan(
+    plan = EvaluationOptions(
         scenes=(scene,),
         options=replace(DEFAULT, pixels=48 * 64, num_planes=8),
         strategies=("peaking", "threshold", "uniform", "random"),

@@ -46,6 +46,13 @@ def pictures() -> tuple[torch.Tensor, torch.Tensor]:
     return drawn[:, :3], drawn[:, 3:]
 
 
+@pytest.fixture(scope="module")
+def expected(network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
+    """The reference's answer in single precision."""
+    with torch.inference_mode():
+        return network(*pictures, NUM_PLANES)
+
+
 def test_the_processor_s_way_is_the_reference_s(
     network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor]
 ) -> None:
@@ -58,18 +65,19 @@ def test_the_processor_s_way_is_the_reference_s(
 
 
 def test_in_single_precision_too(
-    network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor]
+    network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor], expected: torch.Tensor
 ) -> None:
-    expected = network(*pictures, NUM_PLANES)
     made = forward_on_cpu(network, *pictures, NUM_PLANES)
     torch.testing.assert_close(made, expected, atol=SAME_IN_SINGLE, rtol=0)
 
 
 @pytest.mark.parametrize("planes_at_once", [1, 2, 3, 9])
 def test_chunks_do_not_change_the_result(
-    network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor], planes_at_once: int
+    network: AdaMpiNetwork,
+    pictures: tuple[torch.Tensor, torch.Tensor],
+    expected: torch.Tensor,
+    planes_at_once: int,
 ) -> None:
-    expected = network(*pictures, NUM_PLANES)
     made = forward_in_chunks(network, *pictures, NUM_PLANES, chunks=Chunks(planes_at_once))
     torch.testing.assert_close(made, expected, atol=SAME_IN_SINGLE, rtol=0)
 

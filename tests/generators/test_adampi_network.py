@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from peaking.generators.adampi.decoder import (
-    LEAST_DENSITY,
+    MIN_DENSITY,
     Decoder,
     GatedConv,
     GatedConvBlock,
@@ -243,7 +243,7 @@ def test_density_grows_with_what_is_reached_and_is_never_zero() -> None:
     masks = Masks(*torch.full((3, 2, 1, 1), 0.25))
     made = colour_and_density(raw, masks)
     assert made[:, :3].unique().tolist() == [0.5]
-    torch.testing.assert_close(made[:, 3, 0, 0], torch.tensor([0.5 + LEAST_DENSITY, LEAST_DENSITY]))
+    torch.testing.assert_close(made[:, 3, 0, 0], torch.tensor([0.5 + MIN_DENSITY, MIN_DENSITY]))
 
 
 def test_every_size_of_feature_is_half_of_the_one_before() -> None:
@@ -292,7 +292,7 @@ def test_colours_and_densities_are_in_range(network: AdaMpiNetwork) -> None:
     assert made.colour_density.shape == (3, 4, 128, 256)
     assert made.colour_density[:, :3].min() >= 0
     assert made.colour_density[:, :3].max() <= 1
-    assert made.colour_density[:, 3].min() >= LEAST_DENSITY
+    assert made.colour_density[:, 3].min() >= MIN_DENSITY
 
 
 def test_sides_that_are_no_multiples_are_refused(network: AdaMpiNetwork) -> None:

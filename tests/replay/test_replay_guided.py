@@ -12,13 +12,13 @@ from peaking.cli import main
 from peaking.datasets import Recording, open_recording
 from peaking.errors import RecordingError
 from peaking.options import DEFAULT
-from peaking.replay.guided import GuideChoice, guided_walk
+from peaking.replay.guided import GuideOptions, guided_walk
 from recordings import write_recording
 
 OPTIONS = replace(DEFAULT, pixels=160 * 120, num_planes=16)
 """f = 144 px and the box is 1 m away: Δu = 16 / 144 = 11.1 cm."""
 
-GRID = GuideChoice(kind="plenoptic", area_side_m=0.3, near_m=0.005)
+GRID = GuideOptions(kind="plenoptic", area_side_m=0.3, near_m=0.005)
 """Three views a side, 10 cm apart: the middle row lies on the path, two frames apart."""
 
 

@@ -19,7 +19,7 @@ from peaking.replay.records import FrameRecord, summarize
 from peaking.replay.report import write_report
 from peaking.replay.stills import Still, StillPicker, encode_stills
 
-MOST_BYTES = 3_000_000
+MAX_BYTES = 3_000_000
 
 
 def still(index: int, kind: str = "worst", size_px: tuple[int, int] = (40, 30)) -> Still:
@@ -91,7 +91,7 @@ def test_large_stills_and_long_recordings_stay_below_the_limit(tmp_path: Path) -
     stills = [still(i, size_px=(720, 1280)) for i in range(8)]
     records = [path_record(i, captured=True) for i in range(4000)]
     report(tmp_path, records, stills)
-    assert (tmp_path / "report.html").stat().st_size < MOST_BYTES
+    assert (tmp_path / "report.html").stat().st_size < MAX_BYTES
 
 
 @pytest.mark.parametrize("count", [1, 2])

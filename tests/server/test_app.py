@@ -46,7 +46,7 @@ def client_of(root: Path, *, token: str | None = TOKEN, **config: Any) -> TestCl
 @pytest.fixture
 def client(tmp_path: Path) -> Generator[TestClient, None, None]:
     with client_of(tmp_path) as client:
-        client.post("/api/v1/sessions", json=new_session())
+        client.put(SESSION, json=new_session())
         yield client
 
 
@@ -62,9 +62,9 @@ def wait_until_made(client: TestClient, number: int) -> dict[str, Any]:
 
 
 def test_a_capture_becomes_an_mpi(client: TestClient) -> None:
-    first = client.post(capture_path(1), content=upload(1))
+    first = client.put(capture_path(1), content=upload(1))
     assert (first.status_code, first.json()["state"]) == (201, "queued")
-    again = client.post(capture_path(1), content=upload(1))
+    again = client.put(capture_path(1), content=upload(1))
     assert (again.status_code, again.json()["number"]) == (200, 1)
     made = wait_until_made(client, 1)
     assert made["state"] == "ready", made["problem"]
@@ -80,7 +80,7 @@ def test_without_depth_it_is_kept_and_said(client: TestClient, tmp_path: Path) -
     from capture_uploads import body_of, header
 
     body = body_of(header(1, depth=None), photo(1))
-    assert client.post(capture_path(1), content=body).status_code == 201
+    assert client.put(capture_path(1), content=body).status_code == 201
     made = wait_until_made(client, 1)
     assert made["state"] == "failed"
     assert "depth" in made["problem"]
@@ -88,16 +88,16 @@ def test_without_depth_it_is_kept_and_said(client: TestClient, tmp_path: Path) -
 
 
 def test_an_undo(client: TestClient) -> None:
-    client.post(capture_path(1), content=upload(1))
+    client.put(capture_path(1), content=upload(1))
     assert client.delete(capture_path(1)).json()["removed"]
     assert client.delete(capture_path(1)).json()["removed"]
-    late = client.post(capture_path(1), content=upload(1))
+    late = client.put(capture_path(1), content=upload(1))
     assert (late.status_code, late.json()["removed"]) == (200, True)
     assert client.delete(capture_path(2)).status_code == 404
 
 
 def test_the_session_can_be_named_and_taken_home(client: TestClient) -> None:
-    client.post(capture_path(1), content=upload(1))
+    client.put(capture_path(1), content=upload(1))
     change = client.patch(SESSION, json={"name": "Küche", "finished": True})
     assert (change.json()["name"], change.json()["finished"]) == ("Küche", True)
     answer = client.get(f"{SESSION}/dataset.zip")
@@ -109,7 +109,9 @@ def test_peaked_shares_are_kept(client: TestClient) -> None:
     pose = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]
     sample = {"time_s": 1.0, "peaked_share": 0.2, "missing_share": 0.1, "views": 1}
     told = {"samples": [sample | {"world_from_cam": pose}]}
-    assert client.post(f"{SESSION}/peaked", json=told).status_code == 204
+    for batch in ("batch-01", "batch-01", "batch-02"):  # whatever is sent again is kept once
+        assert client.put(f"{SESSION}/peaked/{batch}", json=told).status_code == 204
+    assert len(client.get(f"{SESSION}/peaked").json()["samples"]) == 1
     assert client.get(f"{SESSION}/peaked").json()["samples"][0]["peaked_share"] == 0.2
     assert client.get(SESSION).json()["summary"]["peaked_share"] == 0.2
 
@@ -139,13 +141,16 @@ def test_a_recording_is_played(tmp_path: Path) -> None:
         ("GET", "/../../../../etc/passwd", 404),
         ("GET", "/%2e%2e/%2e%2e/etc/passwd", 404),
         ("GET", "/api/v1/nothing", 404),
-        ("PUT", SESSION, 405),
+        ("POST", SESSION, 405),
     ],
 )
 def test_what_is_not_there(client: TestClient, method: str, path: str, status: int) -> None:
     answer = client.request(method, path)
     assert answer.status_code == status
-    assert set(answer.json()) == {"problem"}
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert set(answer.json()) == {"type", "title", "status", "detail"}
+    assert answer.json()["status"] == status
+    assert answer.json()["type"] == "about:blank"
 
 
 @pytest.mark.parametrize(
@@ -155,30 +160,31 @@ def test_what_is_not_there(client: TestClient, method: str, path: str, status: i
         b"null",
         b"[]",
         b"{}",
-        b'{"id": 3}',
+        b'{"name": 3}',
         b"\xff\xfe",
-        b'{"id":"abcdefgh","protocol":1,"name":"","source":"virtual"}',
-        b'{"id":"ABCDEFGH","protocol":1,"name":"x","source":"virtual"}',
-        b'{"id":"../../etc","protocol":1,"name":"x","source":"virtual"}',
-        b'{"id":"abcdefgh","protocol":9,"name":"x","source":"virtual"}',
-        b'{"id":"abcdefgh","protocol":1,"name":"x","source":"spy"}',
-        b'{"id":"abcdefgh","protocol":1,"name":"x","source":"virtual","admin":true}',
+        b'{"protocol":2,"name":"","source":"virtual"}',
+        b'{"protocol":1,"name":"x","source":"virtual"}',
+        b'{"protocol":9,"name":"x","source":"virtual"}',
+        b'{"protocol":2,"name":"x","source":"spy"}',
+        b'{"protocol":2,"name":"x","source":"virtual","admin":true}',
+        b'{"id":"abcdefgh","protocol":2,"name":"x","source":"virtual"}',
         b"[" * 100_000,
     ],
 )
 def test_wrong_json_begins_nothing(client: TestClient, tmp_path: Path, body: bytes) -> None:
-    answer = client.post("/api/v1/sessions", content=body)
+    answer = client.put("/api/v1/sessions/abcdefgh", content=body)
     assert 400 <= answer.status_code < 500
-    assert answer.json()["problem"]
+    assert answer.json()["type"] in ("urn:peaking:problem:invalid", "urn:peaking:problem:protocol")
+    assert answer.json()["detail"]
     assert len(list((tmp_path / "sessions").iterdir())) == 1
 
 
 def test_too_much_is_refused_while_it_comes(tmp_path: Path) -> None:
     with client_of(tmp_path, max_upload_bytes=10_000) as client:
-        client.post("/api/v1/sessions", json=new_session())
-        assert client.post(capture_path(1), content=b"x" * 10_001).status_code == 413
+        client.put(SESSION, json=new_session())
+        assert client.put(capture_path(1), content=b"x" * 10_001).status_code == 413
         endless = (b"x" * 1000 for _ in range(1000))
-        assert client.post(capture_path(1), content=endless).status_code == 413
+        assert client.put(capture_path(1), content=endless).status_code == 413
         assert client.get(SESSION).json()["captures"] == []
         assert not list((tmp_path / "sessions").glob("*/images/*"))
 
@@ -189,11 +195,12 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
 
     with monkeypatch.context() as patch:
         patch.setattr("peaking.server.open_session.write_durably", full)
-        answer = client.post(capture_path(1), content=upload(1))
+        answer = client.put(capture_path(1), content=upload(1))
     assert answer.status_code == 507
-    assert "phone holds the capture" in answer.json()["problem"]
+    assert answer.json()["type"] == "urn:peaking:problem:disk-full"
+    assert "phone holds the capture" in answer.json()["detail"]
     assert client.get(SESSION).json()["captures"] == []
-    assert client.post(capture_path(1), content=upload(1)).status_code == 201
+    assert client.put(capture_path(1), content=upload(1)).status_code == 201
 
 
 def test_a_full_queue_asks_to_come_again(
@@ -203,8 +210,9 @@ def test_a_full_queue_asks_to_come_again(
 
     with monkeypatch.context() as patch:
         patch.setattr(GenerationQueue, "room", False)
-        answer = client.post(capture_path(1), content=upload(1))
+        answer = client.put(capture_path(1), content=upload(1))
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "2")
+    assert answer.json()["title"] == "The server is busy"
     assert client.get(SESSION).json()["captures"] == []
 
 
@@ -215,7 +223,7 @@ def test_what_breaks_inside_says_nothing_of_the_inside(
         raise RuntimeError("secret path /home/someone")
 
     monkeypatch.setattr(OpenSession, "store_capture", broken)
-    answer = client.post(capture_path(1), content=upload(1))
+    answer = client.put(capture_path(1), content=upload(1))
     assert answer.status_code == 500
     assert "secret" not in answer.text
 
@@ -232,7 +240,10 @@ def test_without_the_token_there_is_nothing(
     answer = client.request(operation.method, path, headers=headers, content=b"{}")
     assert answer.status_code == 401
     assert answer.json() == {
-        "problem": "Pair this device first: open the link that the server printed."
+        "type": "urn:peaking:problem:not-paired",
+        "title": "This device is not paired",
+        "status": 401,
+        "detail": "Pair this device first: open the link that the server printed.",
     }
 
 
@@ -288,7 +299,7 @@ def test_the_token_is_in_no_log(
     with caplog.at_level(logging.DEBUG), client_of(tmp_path) as client:
         client.post("/api/v1/pair")
         client.get("/api/v1/sessions/nothing-like-that")
-        client.post("/api/v1/sessions", content=b"{")
+        client.put(SESSION, content=b"{")
     heard = capfd.readouterr()
     # The test's own HTTP client may log what it sends; the server may not.
     served = [

@@ -34,11 +34,11 @@ class Client:
         self._connection.request(method, path, sent)
         answer = self._connection.getresponse()
         data = answer.read()
-        is_json = answer.headers.get("content-type", "").startswith("application/json")
+        is_json = answer.headers.get("content-type", "").endswith("json")
         return answer.status, json.loads(data) if is_json else data
 
     def send(self, number: int) -> tuple[int, Any]:
-        return self.ask("POST", f"{SESSION}/captures/{capture_id(number)}", upload(number))
+        return self.ask("PUT", f"{SESSION}/captures/{capture_id(number)}", upload(number))
 
     def captures(self) -> list[dict[str, Any]]:
         status, session = self.ask("GET", SESSION)
@@ -72,7 +72,7 @@ def server(disk: FullDisk, tmp_path: Path) -> Generator[LiveServer, None, None]:
 @pytest.fixture
 def client(server: LiveServer) -> Generator[Client, None, None]:
     client = Client(server)
-    assert client.ask("POST", "/api/v1/sessions", new_session())[0] == 201
+    assert client.ask("PUT", SESSION, new_session())[0] == 201
     yield client
     client.close()
 
@@ -96,7 +96,7 @@ def test_a_capture_is_refused_and_nothing_of_it_is_kept(
     disk.fill(server)
     status, answer = client.send(2)
     assert status == 507
-    assert "phone holds the capture" in answer["problem"]
+    assert "phone holds the capture" in answer["detail"]
     assert files_of(disk.sessions(server)) == before
     assert [c["id"] for c in client.captures()] == [capture_id(1)]
     assert client.ask("GET", f"{SESSION}/captures/{capture_id(1)}/photo") == (200, photo(1))
@@ -113,15 +113,15 @@ def test_a_session_is_not_begun_by_halves(
 ) -> None:
     before = settled(lambda: files_of(disk.sessions(server)))
     folders = sorted(disk.sessions(server).iterdir())
-    other = new_session("5e551011-0000-4000-8000-000000000002")
+    other = "/api/v1/sessions/5e551011-0000-4000-8000-000000000002"
     disk.fill(server)
     for _ in range(3):
-        status, answer = client.ask("POST", "/api/v1/sessions", other)
-        assert (status, "disk is full" in answer["problem"]) == (507, True)
+        status, answer = client.ask("PUT", other, new_session())
+        assert (status, "disk is full" in answer["detail"]) == (507, True)
     disk.free(server)
     assert sorted(disk.sessions(server).iterdir()) == folders
     assert files_of(disk.sessions(server)) == before
-    assert client.ask("POST", "/api/v1/sessions", other)[0] == 201
+    assert client.ask("PUT", other, new_session())[0] == 201
     assert len(client.ask("GET", "/api/v1/sessions")[1]) == 2
 
 
@@ -141,7 +141,8 @@ def test_whatever_room_there_is_what_is_acknowledged_is_there(
         refused += status == 507
         if kept:
             # None of these may break the server, whether there is room for them or not.
-            assert client.ask("POST", f"{SESSION}/peaked", peaked(pages))[0] in (204, 507)
+            batch = f"{SESSION}/peaked/{capture_id(pages)}"
+            assert client.ask("PUT", batch, peaked(pages))[0] in (204, 507)
             assert client.ask("GET", f"{SESSION}/peaked")[0] == 200
             assert client.ask("PATCH", SESSION, {"name": "x" * 80})[0] in (200, 507)
         assert [c["id"] for c in client.captures()] == [capture_id(number) for number in kept]

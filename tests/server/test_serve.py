@@ -11,6 +11,7 @@ import ssl
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -60,7 +61,7 @@ def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
         headers = {"Authorization": "Bearer a-token-to-test"}
         connection.request("GET", "/api/v1/server", headers=headers)
         answer = connection.getresponse()
-        assert (answer.status, b'"protocol":1' in answer.read()) == (200, True)
+        assert (answer.status, b'"protocol":2' in answer.read()) == (200, True)
         connection.close()
     finally:
         end(process)
@@ -73,6 +74,23 @@ def test_serve_for_a_phone_on_a_cable(tmp_path: Path) -> None:
     assert port
     assert f"adb reverse tcp:{port[1]} tcp:{port[1]}" in said
     assert not (tmp_path / "peaking").exists()
+
+
+def test_ctrl_c_does_not_wait_for_phones_that_listen(tmp_path: Path) -> None:
+    arguments = ["demo", "--no-open", "--port", "0", "--sessions", str(tmp_path / "s")]
+    process, said = run(arguments, tmp_path, "Ctrl-C")
+    port = re.search(r"http://localhost:(\d+)", said)
+    assert port
+    connection = http.client.HTTPConnection("localhost", int(port[1]), timeout=10)
+    connection.request("GET", "/api/v1/events")
+    stream = connection.getresponse()
+    assert stream.readline().startswith(b"data:")
+    process.send_signal(2)
+    began_s = time.monotonic()
+    assert b"SessionList" not in stream.read()  # it ends by itself
+    assert time.monotonic() - began_s < 2.5  # connections are waited for, for 3 s
+    end(process)
+    connection.close()
 
 
 def test_the_demo_refuses_to_be_seen_by_others(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from capture_uploads import (
+    SESSION_ID,
     capture_id,
     depth_mm,
     new_session,
@@ -47,7 +48,7 @@ def clock() -> float:
 
 def begun(root: Path) -> OpenSession:
     new = msgspec.convert(new_session(), wire.NewSession)
-    return SessionStore(root, clock=clock).begin(new)[0]
+    return SessionStore(root, clock=clock).begin(SESSION_ID, new)[0]
 
 
 def store(session: OpenSession, number: int) -> wire.Capture:
@@ -205,12 +206,14 @@ def test_names_and_ends_are_remembered(tmp_path: Path) -> None:
     session.rename("../../etc")
     session.finish(True)
     sample = wire.PeakedSample(1.0, 0.25, 0.1, 2, [1.0, 0, 0, 0] * 3)
-    session.add_peaked([sample, sample])
+    later = wire.PeakedSample(2.0, 0.25, 0.1, 2, [1.0, 0, 0, 0] * 3)
+    session.add_peaked([sample, later])
     again = reopened(tmp_path)
+    again.add_peaked([sample, later])  # told again by a phone that got no answer
     summary = again.summary()
     assert (summary.name, summary.finished, summary.peaked_share) == ("../../etc", True, 0.25)
     assert again.folder == session.folder
-    assert again.peaked() == [sample, sample]
+    assert again.peaked() == [sample, later]
 
 
 def cut_power_at(call: int, monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:

@@ -75,8 +75,8 @@ def test_the_learned_mpi_takes_the_place_of_the_first_at_another_address(
 ) -> None:
     with client_of(tmp_path, learned) as client:
         assert client.get("/api/v1/server").json()["options"]["generator"] == "adampi"
-        client.post("/api/v1/sessions", json=new_session())
-        client.post(capture_path(1), content=upload(1))
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
         first = wait_for(client, 1, lambda c: c["state"] == "ready")
         assert first["generator"] in ("layered", "adampi")
         better = wait_for(client, 1, lambda c: c["mpi_version"] == 2)
@@ -102,8 +102,8 @@ def test_learned_mpis_that_were_not_made_yet_are_made_at_the_next_start(
     tmp_path: Path, learned: Options
 ) -> None:
     with client_of(tmp_path, DEFAULT) as client:
-        client.post("/api/v1/sessions", json=new_session())
-        client.post(capture_path(1), content=upload(1))
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
         assert wait_for(client, 1, lambda c: c["state"] == "ready")["generator"] == "layered"
     with client_of(tmp_path, learned) as client:
         assert wait_for(client, 1, lambda c: c["mpi_version"] == 2)["generator"] == "adampi"
@@ -121,8 +121,8 @@ def test_where_the_learned_one_fails_the_first_stays_and_it_is_said(
 
     monkeypatch.setattr(ViewBuilder, "build", fails)
     with client_of(tmp_path, learned) as client:
-        client.post("/api/v1/sessions", json=new_session())
-        client.post(capture_path(1), content=upload(1))
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
         told = wait_for(client, 1, lambda c: c["problem"] is not None)
         assert (told["state"], told["mpi_version"]) == ("ready", 1)
         assert told["problem"] == "the graphics card has no room"
@@ -161,12 +161,12 @@ def test_a_photo_without_depth_is_guessed_until_a_neighbour_tells_its_scale(
     tmp_path: Path, estimating: Options
 ) -> None:
     with client_of(tmp_path, estimating) as client:
-        client.post("/api/v1/sessions", json=new_session())
+        client.put(SESSION, json=new_session())
         without = body_of(header(1, depth=None), photo(1))
-        assert client.post(capture_path(1), content=without).status_code == 201
+        assert client.put(capture_path(1), content=without).status_code == 201
         lone = wait_for(client, 1, lambda c: c["state"] != "queued")
         assert (lone["state"], lone["guessed"], lone["mpi_version"]) == ("ready", True, 1)
-        client.post(capture_path(2), content=upload(2))
+        client.put(capture_path(2), content=upload(2))
         told = wait_for(client, 1, lambda c: not c["guessed"])
         assert told["mpi_version"] == 2
         mpi: Mpi = decode(client.get(f"{capture_path(1)}/mpi/2").content)
@@ -178,14 +178,14 @@ def test_tracked_points_tell_the_scale_of_a_photo_without_depth(
     tmp_path: Path, estimating: Options
 ) -> None:
     with client_of(tmp_path, estimating) as client:
-        client.post("/api/v1/sessions", json=new_session())
-        assert client.post(capture_path(1), content=upload_without_depth(1)).status_code == 201
+        client.put(SESSION, json=new_session())
+        assert client.put(capture_path(1), content=upload_without_depth(1)).status_code == 201
         made = wait_for(client, 1, lambda c: c["state"] != "queued")
         assert (made["state"], made["guessed"], made["mpi_version"]) == ("ready", False, 1)
         mpi: Mpi = decode(client.get(f"{capture_path(1)}/mpi/1").content)
         assert mpi.plane_depths_m[0] == pytest.approx(2.0, rel=0.1)
         assert mpi.plane_depths_m[-1] == pytest.approx(1.0, rel=0.1)
         broken = body_of(header(2, depth=None, points=1), photo(2) + b"\xff" * 12)
-        refused = client.post(capture_path(2), content=broken)
+        refused = client.put(capture_path(2), content=broken)
         assert refused.status_code == 422
-        assert "Point 0 is (nan" in refused.json()["problem"]
+        assert "Point 0 is (nan" in refused.json()["detail"]

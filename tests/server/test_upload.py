@@ -56,17 +56,17 @@ def test_points_that_are_no_places_are_named(wrong: float) -> None:
     points = points_m()
     points[7, 1] = wrong
     fields = header(depth=None, points=40)
-    with pytest.raises(BadUpload, match=r"Point 7 is \(.*metres of the world"):
+    with pytest.raises(BadUpload, match=r"Point 7 is \(.*Points are in metres"):
         parse_upload(body_of(fields, photo() + points.tobytes()))
 
 
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        (header(protocol=2), "version 1"),
+        (header(protocol=1), "version 2"),
         (header(time_s=-1), "time_s"),
         (header(photo_bytes=0), "photo_bytes"),
-        (header(photo_bytes=10_000_000), "cut off"),
+        (header(photo_bytes=10_000_000), "incomplete"),
         (header(camera=None), "camera"),
         (header(camera="front"), "camera"),
         (header() | {"colour": "red"}, "colour"),
@@ -110,7 +110,7 @@ def test_a_picture_that_claims_to_be_huge_is_not_decoded() -> None:
 
 def test_a_png_is_no_jpeg() -> None:
     fields = header(photo_bytes=8, depth=None)
-    with pytest.raises(BadUpload, match="not a JPEG"):
+    with pytest.raises(BadUpload, match="not a readable JPEG"):
         parse_upload(body_of(fields, b"\x89PNG\r\n\x1a\n"))
 
 

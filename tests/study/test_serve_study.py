@@ -14,6 +14,7 @@ from peaking.server.app import ServerConfig, create_app
 from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyConfig, create_study_app
 from peaking.server.study.open_study import OpenStudy
+from peaking.server.wire import PROTOCOL
 from peaking.study.privacy import erase_participant, held
 from peaking.study.protocol import FILE_NAME
 from peaking.study.records import log_of, read_participants
@@ -63,16 +64,37 @@ def step(client: TestClient) -> Any:
 
 
 def consent(client: TestClient, *, images: bool = True) -> None:
-    assert client.post(f"{P01}/consent", json={"agreed": True, "images": images}).is_success
+    assert client.put(f"{P01}/consent", json={"agreed": True, "images": images}).is_success
 
 
 def order(client: TestClient, what: str, key: str) -> int:
-    return client.post(f"{CONSOLE}/participants/P01/{what}", json={"step": key}).status_code
+    return client.put(f"{CONSOLE}/participants/P01/steps/{key}/{what}").status_code
+
+
+def hand_in(client: TestClient, key: str, answers: dict[str, int]) -> Any:
+    return client.put(f"{P01}/steps/{key}/answers", json={"answers": answers})
+
+
+def keep_draft(client: TestClient, key: str, answers: dict[str, int]) -> int:
+    return client.patch(f"{P01}/steps/{key}/draft", json={"answers": answers}).status_code
+
+
+def tell(client: TestClient, told: dict[str, object], batch: str = "batch-01") -> int:
+    return client.put(f"{P01}/told/{batch}", json=told).status_code
+
+
+def link(client: TestClient, key: str) -> int:
+    return client.put(f"{P01}/steps/{key}/session", json={"session": SESSION}).status_code
+
+
+def repeat(client: TestClient, key: str, why: str) -> int:
+    path = f"{CONSOLE}/participants/P01/steps/{key}/repetitions"
+    return client.post(path, json={"text": why}).status_code
 
 
 def do_phase(client: TestClient, key: str) -> None:
-    assert order(client, "start", key) == 200
-    assert order(client, "stop", key) == 200
+    assert order(client, "started", key) == 200
+    assert order(client, "finished", key) == 200
 
 
 def told(kind: str, name: str, time_s: float, **more: object) -> dict[str, object]:
@@ -102,7 +124,7 @@ def test_pseudonyms_are_given_in_order(client: TestClient) -> None:
 
 
 def test_nothing_is_asked_of_who_does_not_consent(client: TestClient, study: Path) -> None:
-    client.post(f"{P01}/consent", json={"agreed": False})
+    client.put(f"{P01}/consent", json={"agreed": False})
     state = client.get(P01).json()
     assert state["step"] is None
     assert state["refused"]
@@ -111,14 +133,14 @@ def test_nothing_is_asked_of_who_does_not_consent(client: TestClient, study: Pat
 
 
 def test_phases_come_in_order(client: TestClient) -> None:
-    assert order(client, "start", "t1.capture") == 409
+    assert order(client, "started", "t1.capture") == 409
     consent(client)
     now = step(client)
-    assert order(client, "stop", now) == 409
-    assert order(client, "start", now) == 200
-    assert order(client, "start", now) == 200
-    assert order(client, "stop", now) == 200
-    assert order(client, "stop", now) == 200
+    assert order(client, "finished", now) == 409
+    assert order(client, "started", now) == 200
+    assert order(client, "started", now) == 200
+    assert order(client, "finished", now) == 200
+    assert order(client, "finished", now) == 200
     assert step(client) != now
 
 
@@ -126,9 +148,11 @@ def test_a_half_filled_form_is_refused_and_kept(client: TestClient) -> None:
     first_trial(client)
     key = "t1.ask.sus"
     answers = {"q1": 3, "q2": 9}
-    assert client.put(f"{P01}/draft", json={"step": key, "answers": {"q1": 3}}).status_code == 200
-    refused = client.post(f"{P01}/answers", json={"step": key, "answers": answers})
+    assert keep_draft(client, key, {"q1": 3}) == 200
+    refused = hand_in(client, key, answers)
     assert refused.status_code == 422
+    assert refused.headers["content-type"] == "application/problem+json"
+    assert refused.json()["type"] == "urn:peaking:problem:incomplete"
     items = refused.json()["items"]
     assert items["q2"] == "out-of-range"
     assert items["q10"] == "unanswered"
@@ -139,24 +163,22 @@ def test_a_half_filled_form_is_refused_and_kept(client: TestClient) -> None:
 def test_two_tabs_do_not_undo_each_other(client: TestClient) -> None:
     first_trial(client)
     key = "t1.ask.sus"
-    client.put(f"{P01}/draft", json={"step": key, "answers": {"q1": 3, "q2": 2}})
-    client.put(f"{P01}/draft", json={"step": key, "answers": {"q2": 5}})
+    keep_draft(client, key, {"q1": 3, "q2": 2})
+    keep_draft(client, key, {"q2": 5})
     assert client.get(P01).json()["step"]["draft"] == {"q1": 3, "q2": 5}
 
 
 def test_a_double_submission_counts_once(client: TestClient, study: Path) -> None:
     first_trial(client)
-    form = {"step": "t1.ask.sus", "answers": SUS}
-    assert client.post(f"{P01}/answers", json=form).status_code == 200
-    other = {"step": "t1.ask.sus", "answers": {**SUS, "q1": 1}}
-    assert client.post(f"{P01}/answers", json=other).status_code == 200
-    late = {"step": "t1.ask.sus", "answers": {"q1": 2}}
-    assert client.put(f"{P01}/draft", json=late).status_code == 200
+    assert hand_in(client, "t1.ask.sus", SUS).status_code == 200
+    assert hand_in(client, "t1.ask.sus", {**SUS, "q1": 1}).status_code == 200
+    assert keep_draft(client, "t1.ask.sus", {"q1": 2}) == 200
     lines = log_of(study, "P01").path.read_text().splitlines()
     assert sum('"type":"Answered"' in line for line in lines) == 1
     assert read_participants(study)[0].trials[0].answers["sus"]["q1"] == 4
-    ahead = {"step": "t2.ask.sus", "answers": SUS}
-    assert client.post(f"{P01}/answers", json=ahead).status_code == 409
+    assert hand_in(client, "t2.ask.sus", SUS).status_code == 409
+    assert hand_in(client, "t9.ask.sus", SUS).status_code == 409
+    assert hand_in(client, "No%20step", SUS).status_code == 404
 
 
 def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path) -> None:
@@ -166,36 +188,35 @@ def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path
         told("ViewTaken", "v", 12.0, capture="v"),
         told("PeakedTold", "p", 13.0, peaked_share=0.5, missing_share=0.0, views=1),
     ]
-    for _ in range(2):
-        assert client.post(f"{P01}/told", json=told_by(events)).status_code == 204
+    for batch in ("batch-01", "batch-01", "batch-02"):
+        assert tell(client, told_by(events), batch) == 204
     unknown = [{**events[0], "id": "x", "step": "t9.capture"}]
-    assert client.post(f"{P01}/told", json=told_by(unknown)).status_code == 204
+    assert tell(client, told_by(unknown)) == 204
     half = [{**events[2], "id": "y", "peaked_share": None}]
-    assert client.post(f"{P01}/told", json=told_by(half)).status_code == 409
-    assert client.post(f"{P01}/told", json=told_by([{"kind": "x"}])).status_code == 400
+    assert tell(client, told_by(half)) == 409
+    assert tell(client, told_by([{"kind": "x"}])) == 400
+    assert tell(client, told_by([{**events[0], "id": f"e{i}"} for i in range(201)])) == 400
     lines = log_of(study, "P01").path.read_text().splitlines()
     assert sum('"id":' in line for line in lines) == 3
 
 
 def test_after_a_crash_everybody_is_where_they_were(client: TestClient, study: Path) -> None:
     first_trial(client)
-    client.put(f"{P01}/draft", json={"step": "t1.ask.sus", "answers": {"q3": 2}})
+    keep_draft(client, "t1.ask.sus", {"q3": 2})
     before = client.get(P01).json()
     with log_of(study, "P01").path.open("ab") as file:
         file.write(b'{"type":"Answered","at_s":1')
     with open_client(study) as again:
         assert again.get(P01).json() == before
-        form = {"step": "t1.ask.sus", "answers": SUS}
-        assert again.post(f"{P01}/answers", json=form).status_code == 200
+        assert hand_in(again, "t1.ask.sus", SUS).status_code == 200
         assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
 
 
 def test_a_step_is_repeated_with_all_that_came_after(client: TestClient, study: Path) -> None:
     first_trial(client)
-    client.post(f"{P01}/answers", json={"step": "t1.ask.sus", "answers": SUS})
-    path = f"{CONSOLE}/participants/P01/repeat"
-    assert client.post(path, json={"step": "t2.capture", "text": "?"}).status_code == 409
-    assert client.post(path, json={"step": "t1.capture", "text": "a call"}).status_code == 200
+    hand_in(client, "t1.ask.sus", SUS)
+    assert repeat(client, "t2.capture", "?") == 409
+    assert repeat(client, "t1.capture", "a call") == 200
     assert step(client) == "t1.capture"
     assert read_participants(study)[0].trials[0].answers == {}
 
@@ -206,15 +227,14 @@ def test_what_a_phone_tells_late_of_a_repeated_step_does_not_count(
     consent(client)
     if step(client) == "t1.scan":
         do_phase(client, "t1.scan")
-    order(client, "start", step_key)
-    client.post(f"{P01}/session", json={"step": step_key, "session": SESSION})
-    again = {"step": step_key, "text": "a call"}
-    client.post(f"{CONSOLE}/participants/P01/repeat", json=again)
-    order(client, "start", step_key)
+    order(client, "started", step_key)
+    assert link(client, step_key) == 200
+    repeat(client, step_key, "a call")
+    order(client, "started", step_key)
     late = told_by([told("CaptureBegun", "late", 10.0)])
-    assert client.post(f"{P01}/told", json=late).status_code == 204
+    assert tell(client, late) == 204
     new = told_by([told("CaptureBegun", "new", 20.0)], SESSION.replace("1", "2"))
-    assert client.post(f"{P01}/told", json=new).status_code == 204
+    assert tell(client, new) == 204
     text = log_of(study, "P01").path.read_text()
     assert '"id":"new"' in text
     assert '"id":"late"' not in text
@@ -222,7 +242,10 @@ def test_what_a_phone_tells_late_of_a_repeated_step_does_not_count(
 
 def test_who_is_left_out_gives_the_place_to_the_next(client: TestClient, study: Path) -> None:
     client.post(f"{CONSOLE}/participants")
-    client.post(f"{CONSOLE}/participants/P01/exclude", json={"text": "the phone broke"})
+    for _ in range(2):
+        path = f"{CONSOLE}/participants/P01/excluded"
+        assert client.put(path, json={"text": "the phone broke"}).status_code == 200
+    assert log_of(study, "P01").path.read_text().count('"ParticipantExcluded"') == 1
     client.post(f"{CONSOLE}/participants")
     records = {r.pseudonym: r for r in read_participants(study)}
     assert records["P03"].row == records["P01"].row
@@ -236,16 +259,15 @@ def test_photos_go_after_the_review_when_they_may_not_be_kept(
     consent(client, images=False)
     if step(client) == "t1.scan":
         do_phase(client, "t1.scan")
-    order(client, "start", "t1.capture")
-    linked = {"step": "t1.capture", "session": SESSION}
-    assert client.post(f"{P01}/session", json=linked).status_code == 200
-    begun = {"id": SESSION, "protocol": 1, "name": "x", "source": "virtual"}
-    assert client.post("/api/v1/sessions", json=begun).status_code == 201
-    order(client, "stop", "t1.capture")
+    order(client, "started", "t1.capture")
+    assert link(client, "t1.capture") == 200
+    begun = {"protocol": PROTOCOL, "name": "x", "source": "virtual"}
+    assert client.put(f"/api/v1/sessions/{SESSION}", json=begun).status_code == 201
+    order(client, "finished", "t1.capture")
     assert len(list((study / "sessions").iterdir())) == 1
     do_phase(client, "t1.review")
     assert list((study / "sessions").iterdir()) == []
-    assert client.post("/api/v1/sessions", json=begun).status_code == 404
+    assert client.put(f"/api/v1/sessions/{SESSION}", json=begun).status_code == 404
     assert '"ImagesErased"' in log_of(study, "P01").path.read_text()
 
 

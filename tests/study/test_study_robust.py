@@ -26,20 +26,21 @@ JUNK = (
     b'"text"',
     b"{}",
     b'{"step":"t1.capture"}',
-    b'{"step":"../..","answers":{}}',
-    b'{"step":"t1.ask.sus","answers":{"q1":{"deep":[1]}}}',
-    b'{"step":"t1.ask.sus","answers":{"q1":1e999}}',
+    b'{"answers":{"q1":{"deep":[1]}}}',
+    b'{"answers":{"q1":1e999}}',
     b'{"agreed":"yes"}',
     b'{"session":"s","events":[{"kind":"ViewTaken","id":"?","step":"t1.capture","time_s":-1}]}',
     b'{"text":""}',
 )
 PLACES = (
-    *(f"POST {P01}/{name}" for name in ("consent", "answers", "session", "finish", "told")),
-    f"PUT {P01}/draft",
-    *(
-        f"POST {CONSOLE}/participants/P01/{name}"
-        for name in ("start", "stop", "repeat", "note", "exclude")
-    ),
+    f"PUT {P01}/consent",
+    f"PUT {P01}/told/batch-01",
+    f"PATCH {P01}/steps/consent/draft",
+    f"PUT {P01}/steps/consent/answers",
+    f"PUT {P01}/steps/consent/session",
+    f"POST {CONSOLE}/participants/P01/steps/consent/repetitions",
+    f"POST {CONSOLE}/participants/P01/notes",
+    f"PUT {CONSOLE}/participants/P01/excluded",
 )
 
 
@@ -47,8 +48,8 @@ def test_a_log_that_is_cut_anywhere_is_a_log_of_what_came_before(
     client: TestClient, study: Path
 ) -> None:
     first_trial(client)
-    client.put(f"{P01}/draft", json={"step": "t1.ask.sus", "answers": {"q1": 3}})
-    client.post(f"{P01}/answers", json={"step": "t1.ask.sus", "answers": SUS})
+    client.patch(f"{P01}/steps/t1.ask.sus/draft", json={"answers": {"q1": 3}})
+    client.put(f"{P01}/steps/t1.ask.sus/answers", json={"answers": SUS})
     log = log_of(study, "P01")
     whole, events = log.path.read_bytes(), read_events(log)
     begun = whole.index(b"\n") + 1
@@ -65,10 +66,10 @@ def test_a_log_that_is_cut_anywhere_is_a_log_of_what_came_before(
 def test_handed_in_by_many_tabs_at_once_it_counts_once(client: TestClient, study: Path) -> None:
     first_trial(client)
     participant: OpenParticipant = OpenStudy(study).get("P01")
-    answers = wire.Answered(step="t1.ask.sus", answers={**SUS})
+    answers = wire.Answered(answers={**SUS})
 
     def hand_in(_: int) -> None:
-        participant.answer(answers)
+        participant.answer("t1.ask.sus", answers)
 
     with ThreadPoolExecutor(8) as threads:
         list(threads.map(hand_in, range(32)))
@@ -82,6 +83,6 @@ def test_junk_is_refused_with_a_sentence(client: TestClient, study: Path, place:
     for body in JUNK:
         answer = client.request(method, path, content=body)
         assert 400 <= answer.status_code < 500, body
-        assert answer.json()["problem"]
+        assert answer.json()["detail"]
     assert log_of(study, "P01").path.read_bytes() == before
     assert client.request(method, path, content=b"x" * 1_000_001).status_code == 413

@@ -32,7 +32,7 @@ export function chooseSource(
       if (recording === null || !recordings.includes(recording)) {
         const known = recordings.length > 0 ? recordings.join(', ') : 'none';
         throw new NoSuchSource(
-          `The server plays no recording "${recording ?? ''}" (it has: ${known}). `
+          `The server has no recording "${recording ?? ''}" (available: ${known}). `
           + 'Start it with: peaking demo SCENE',
         );
       }
@@ -42,6 +42,6 @@ export function chooseSource(
       if (recording !== null) return { kind: 'replay', recording, asked: false };
       return { kind: 'virtual', recording: null, asked: false };
     default:
-      throw new NoSuchSource(`There is no source "${asked}": use virtual, webxr or replay.`);
+      throw new NoSuchSource(`Unknown source "${asked}". Use virtual, webxr or replay.`);
   }
 }

@@ -37,11 +37,12 @@ declare global {
 
 const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
   'no-picture': 'Waiting for the camera',
-  'tracking-lost': 'Tracking lost: move slowly, towards something with texture',
-  'no-depth': 'No depth yet: move the phone a little from side to side',
-  'too-fast': 'Slower: pictures taken in haste are blurred',
+  'tracking-lost': 'Tracking lost. Move slowly and point the camera at something with texture.',
+  'no-depth': 'No depth yet. Move the phone slightly from side to side.',
+  'too-fast': 'Move more slowly to avoid blur.',
   busy: null,
 };
+const WARMING_UP = 'The server is warming up (about 30 s, first run only).';
 /** A notice comes only when what hinders has lasted, so that nothing flickers. */
 const NOTICE_AFTER_MS = 700;
 
@@ -177,7 +178,7 @@ class Notices {
       if (sentence !== null) return sentence;
     }
     if (trouble !== null) return trouble;
-    return this.#warm ? null : 'The server compiles its kernels (once, half a minute)';
+    return this.#warm ? null : WARMING_UP;
   }
 
   async #waitUntilWarm(api: Api): Promise<void> {
@@ -217,7 +218,7 @@ function contextOf(stage: HTMLElement): WebGL2RenderingContext {
     powerPreference: 'high-performance',
   });
   if (gl == null) {
-    throw new Error('This browser has no WebGL 2, with which the pictures are drawn.');
+    throw new Error('This browser does not support WebGL 2, which draws the pictures.');
   }
   canvas?.addEventListener('webglcontextlost', () => location.reload());
   return gl;

@@ -1,8 +1,11 @@
 // Generated from src/peaking/server/wire.py by `make wire`; do not edit.
-/* eslint-disable */
+
+import {
+  flag, integer, list, nullable, number, oneOf, optional, record, tagged, text, type Schema,
+} from './schema';
 
 /** Goes up when an older client would misunderstand; both sides refuse another version. */
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 /** Tracked points that come with one capture. */
 export const MAX_POINTS = 20000;
 /** Views that a client blends; `Options.neighbours` is never more. */
@@ -65,9 +68,8 @@ export interface Capture {
   readonly removed?: boolean;
 }
 
-/** Begin a session, or find it again: POST /api/v1/sessions. */
+/** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
 export interface NewSession {
-  readonly id: string;
   readonly protocol: number;
   readonly name: string;
   readonly source: 'other' | 'replay' | 'virtual' | 'webxr';
@@ -110,7 +112,7 @@ export interface PeakedSample {
   readonly world_from_cam: readonly number[];
 }
 
-/** POST /api/v1/sessions/{session}/peaked, and the answer to a GET there. */
+/** PUT /api/v1/sessions/{session}/peaked/{batch}; and all of them, GET …/peaked. A sample is known by its time: one that is sent again is kept once. */
 export interface PeakedSamples {
   readonly samples: readonly PeakedSample[];
 }
@@ -153,9 +155,12 @@ export interface RecordingIndex {
   readonly frames: readonly RecordedFrame[];
 }
 
-/** The body of every answer of 400 and above. */
+/** The body of every response of 400 and above: RFC 9457, `application/problem+json`. */
 export interface Problem {
-  readonly problem: string;
+  readonly type: string;
+  readonly title: string;
+  readonly status: number;
+  readonly detail: string;
 }
 
 /** First event of /api/v1/sessions/{session}/events. */
@@ -185,3 +190,139 @@ export interface SessionList {
 export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
 
 export type ServerEvent = SessionList | SessionChanged;
+
+export const pinholeSchema: Schema<Pinhole> = /* @__PURE__ */ record<Pinhole>({
+  width_px: integer(1, 8192),
+  height_px: integer(1, 8192),
+  fx_px: number(0, 1000000),
+  fy_px: number(0, 1000000),
+  cx_px: number(-100000, 100000),
+  cy_px: number(-100000, 100000),
+});
+
+export const cameraSchema: Schema<Camera> = /* @__PURE__ */ record<Camera>({
+  pinhole: pinholeSchema,
+  world_from_cam: list(number(-100000, 100000), 12, 12),
+});
+
+export const depthLayoutSchema: Schema<DepthLayout> = /* @__PURE__ */ record<DepthLayout>({
+  width_px: integer(1, 8192),
+  height_px: integer(1, 8192),
+});
+
+export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
+  id: text,
+  number: integer(),
+  camera: cameraSchema,
+  time_s: number(),
+  state: oneOf('failed', 'queued', 'ready'),
+  mpi_bytes: optional(nullable(integer())),
+  mpi_version: optional(integer()),
+  generator: optional(nullable(text)),
+  guessed: optional(flag),
+  problem: optional(nullable(text)),
+  removed: optional(flag),
+});
+
+export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
+  id: text,
+  name: text,
+  folder: text,
+  source: oneOf('other', 'replay', 'virtual', 'webxr'),
+  device: text,
+  created_s: number(),
+  finished: flag,
+  captures: integer(),
+  ready: integer(),
+  peaked_share: nullable(number()),
+  live: flag,
+});
+
+export const sessionSchema: Schema<Session> = /* @__PURE__ */ record<Session>({
+  summary: sessionSummarySchema,
+  captures: list(captureSchema),
+});
+
+export const peakedSampleSchema: Schema<PeakedSample> = /* @__PURE__ */ record<PeakedSample>({
+  time_s: number(0, 100000000000),
+  peaked_share: number(0, 1),
+  missing_share: number(0, 1),
+  views: integer(0, 1000000),
+  world_from_cam: list(number(-100000, 100000), 12, 12),
+});
+
+export const peakedSamplesSchema: Schema<PeakedSamples> = /* @__PURE__ */ record<PeakedSamples>({
+  samples: list(peakedSampleSchema, 0, 100000),
+});
+
+export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
+  pixels: integer(),
+  generator: oneOf('adampi', 'layered'),
+  num_planes: integer(),
+  align: oneOf('off', 'paper', 'robust'),
+  neighbours: integer(1, 8),
+  blend_weights: oneOf('overlap', 'paper'),
+  opacity: oneOf('paper', 'seen'),
+  error_threshold: number(),
+  shift_px: integer(),
+  compensate_exposure: flag,
+  depth_model: optional(nullable(text)),
+});
+
+export const serverInfoSchema: Schema<ServerInfo> = /* @__PURE__ */ record<ServerInfo>({
+  protocol: integer(),
+  version: text,
+  options: optionsSchema,
+  recordings: list(text),
+  warm: flag,
+  max_upload_bytes: integer(),
+});
+
+export const recordedFrameSchema: Schema<RecordedFrame> = /* @__PURE__ */ record<RecordedFrame>({
+  camera: cameraSchema,
+  depth: nullable(depthLayoutSchema),
+});
+
+export const recordingIndexSchema: Schema<RecordingIndex> = /* @__PURE__ */ record<RecordingIndex>({
+  name: text,
+  fps: number(),
+  frames: list(recordedFrameSchema),
+});
+
+export const problemSchema: Schema<Problem> = /* @__PURE__ */ record<Problem>({
+  type: text,
+  title: text,
+  status: integer(),
+  detail: text,
+});
+
+export const sessionStateSchema: Schema<SessionState> = /* @__PURE__ */ record<SessionState>({
+  type: oneOf('SessionState'),
+  session: sessionSchema,
+});
+
+export const captureChangedSchema: Schema<CaptureChanged> = /* @__PURE__ */ record<CaptureChanged>({
+  type: oneOf('CaptureChanged'),
+  capture: captureSchema,
+});
+
+export const sessionChangedSchema: Schema<SessionChanged> = /* @__PURE__ */ record<SessionChanged>({
+  type: oneOf('SessionChanged'),
+  summary: sessionSummarySchema,
+});
+
+export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
+  type: oneOf('SessionList'),
+  sessions: list(sessionSummarySchema),
+});
+
+export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<SessionEvent>({
+  SessionState: sessionStateSchema,
+  CaptureChanged: captureChangedSchema,
+  SessionChanged: sessionChangedSchema,
+});
+
+export const serverEventSchema: Schema<ServerEvent> = /* @__PURE__ */ tagged<ServerEvent>({
+  SessionList: sessionListSchema,
+  SessionChanged: sessionChangedSchema,
+});

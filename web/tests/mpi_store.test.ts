@@ -197,7 +197,7 @@ test('one that is replaced while it is on its way comes twice, the better one la
 
 test('a better one that cannot be had leaves the first in the picture', async () => {
   const { gl } = graphics();
-  const onProblem = vi.fn();
+  const onProblem = vi.fn<(id: string, error: unknown) => void>();
   const store = new MpiStore(gl, { decoder, maxResident: 3, onProblem });
   store.add('a', CAMERA, file);
   await settle();

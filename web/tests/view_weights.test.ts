@@ -16,8 +16,8 @@ interface Case {
 }
 
 const PINHOLE = { width_px: 100, height_px: 100, fx_px: 100, fy_px: 100, cx_px: 50, cy_px: 50 };
-/** Of `exp`, which both languages round in their own way: 1.1e-16 at worst (node 24.19). */
-const DIGITS = 15;
+/** Both languages round `exp` in their own way: 1.1e-16 at worst in these cases (node 24.19). */
+const EXP_TOLERANCE = 2e-16;
 
 function at(x_m: number): Camera {
   return { pinhole: PINHOLE, worldFromCam: rigid([1, 0, 0, x_m, 0, 1, 0, 0, 0, 0, 1, 0]) };
@@ -44,9 +44,8 @@ function expectSame(ours: readonly Neighbour[], theirs: Case['by_distance'], exa
   expect(ours.map(({ index, distance_m }) => [index, distance_m]))
     .toEqual(theirs.map(([index, , distance_m]) => [index, distance_m]));
   ours.forEach(({ weight }, k) => {
-    const theirWeight = theirs[k]?.[1] ?? NaN;
-    if (exact) expect(weight).toBe(theirWeight);
-    else expect(weight).toBeCloseTo(theirWeight, DIGITS);
+    const away = Math.abs(weight - (theirs[k]?.[1] ?? NaN));
+    expect(away).toBeLessThanOrEqual(exact ? 0 : EXP_TOLERANCE);
   });
 }
 
@@ -110,7 +109,7 @@ describe('many views', () => {
     const here = Uint8Array.from(many, (_, i) => (i % 50 === 0 ? 1 : 0));
     const near = chosenBy(many, at(0), 1, 3, here);
     expect(near.map(({ index }) => index % 50)).toEqual([0, 0, 0]);
-    expect(near.reduce((sum, { weight }) => sum + weight, 0)).toBeCloseTo(1, DIGITS);
+    expect(near.reduce((sum, { weight }) => sum + weight, 0)).toBeCloseTo(1, 12);
     expect(chosenBy(many, at(0), 1, 3, new Uint8Array(many.length))).toEqual([]);
   });
 

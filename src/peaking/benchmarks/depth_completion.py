@@ -21,7 +21,7 @@ from peaking.depth import complete
 from peaking.errors import RecordingError
 from peaking.frame import Frame, working_size_px
 
-Method = Callable[
+Completion = Callable[
     [Float32[np.ndarray, "dh dw"], UInt8[np.ndarray, "h w 3"]], Float32[np.ndarray, "h w"]
 ]
 """Makes depth at the picture's size from sensor depth with holes."""
@@ -96,7 +96,7 @@ def _nearest_known(sensor_m: Float32[np.ndarray, "dh dw"]) -> Float32[np.ndarray
     return values[np.asarray(labels, np.intp)]
 
 
-METHODS: Mapping[str, Method] = {"nearest": nearest, "bilinear": bilinear, "complete": complete}
+METHODS: Mapping[str, Completion] = {"nearest": nearest, "bilinear": bilinear, "complete": complete}
 """What `depth_quality` compares; give it more to compare more."""
 
 
@@ -105,7 +105,7 @@ def depth_quality(
     *,
     frames: int = 12,
     seed: int = 0,
-    methods: Mapping[str, Method] = METHODS,
+    methods: Mapping[str, Completion] = METHODS,
 ) -> list[Row]:
     """Score every method on the same frames.
 

@@ -30,7 +30,7 @@ COMPILING_S = 180.0
 
 
 @dataclass(frozen=True)
-class LivePlan:
+class LiveOptions:
     """What to time.
 
     Attributes:
@@ -48,7 +48,7 @@ class LivePlan:
     with_browser: bool = True
 
 
-def run(plan: LivePlan, *, told: Callable[[str], None]) -> dict[str, object]:
+def run(plan: LiveOptions, *, told: Callable[[str], None]) -> dict[str, object]:
     """Measure everything; `told` hears what is going on.
 
     Raises:

@@ -18,6 +18,7 @@ import numpy as np
 from peaking.datasets import Recording
 from peaking.frame import Frame
 from peaking.output import encode_jpeg
+from peaking.server import wire
 
 PHOTO_QUALITY = 95
 PATIENCE_S = 60.0
@@ -46,7 +47,7 @@ def upload_body(frame: Frame) -> bytes:
     photo = encode_jpeg(frame.rgb, quality=PHOTO_QUALITY)
     pose = frame.camera.world_from_cam.matrix()[:3].reshape(-1).tolist()
     header: dict[str, Any] = {
-        "protocol": 1,
+        "protocol": wire.PROTOCOL,
         "camera": {
             "pinhole": {
                 "width_px": k.width_px,
@@ -100,12 +101,11 @@ class LivePhone:
         self._host, self._port = parts.hostname or "localhost", parts.port or 80
         self._connection = http.client.HTTPConnection(self._host, self._port, timeout=PATIENCE_S)
         self.request(
-            "POST",
-            "/api/v1/sessions",
+            "PUT",
+            f"/api/v1/sessions/{self.session_id}",
             json.dumps(
                 {
-                    "id": self.session_id,
-                    "protocol": 1,
+                    "protocol": wire.PROTOCOL,
                     "name": self.name,
                     "source": "other",
                     "device": "peaking bench live",
@@ -123,7 +123,7 @@ class LivePhone:
 
     def request(
         self,
-        method: Literal["GET", "POST", "DELETE"],
+        method: Literal["GET", "PUT", "DELETE"],
         path: str,
         body: bytes | None = None,
         *,
@@ -158,7 +158,7 @@ class LivePhone:
         capture_id = str(uuid.uuid4())
         path = f"/api/v1/sessions/{self.session_id}/captures/{capture_id}"
         sent_s = time.perf_counter()
-        self.request("POST", path, body)
+        self.request("PUT", path, body)
         acknowledged_s = time.perf_counter()
         ready_s = self._wait_for(capture_id)
         data = self.request("GET", f"{path}/mpi")[1] if fetch else b""

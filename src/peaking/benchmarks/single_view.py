@@ -20,12 +20,10 @@ from peaking.errors import RecordingError
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
 from peaking.metrics.psnr_ssim import psnr, relative_sharpness, ssim
+from peaking.rendering import Rendering
 
-Drawing = tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]
-"""Premultiplied colour, 0…1, and alpha."""
-
-Method = Callable[[Frame, Float32[np.ndarray, "h w"], Camera], Drawing]
-"""Draws what the camera sees, from one picture and its depth (known everywhere)."""
+SingleViewRenderer = Callable[[Frame, Float32[np.ndarray, "h w"], Camera], Rendering]
+"""Renders what a camera sees, from one picture and its depth (known everywhere)."""
 
 Complete = Callable[
     [Float32[np.ndarray, "dh dw"], UInt8[np.ndarray, "h w 3"]], Float32[np.ndarray, "h w"]
@@ -115,26 +113,34 @@ class Row:
     beaten_in_whole: int | None
 
 
-def draw_splat(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Drawing:
-    """Draw by forward point splatting."""
-    return baselines.splat(frame.rgb, depth_m, frame.camera, target)
+def render_splat(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Rendering:
+    """Render by forward point splatting."""
+    return _rendering(*baselines.splat(frame.rgb, depth_m, frame.camera, target))
 
 
-def draw_mesh(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Drawing:
-    """Draw as a textured depth mesh that is cut at depth edges."""
-    return baselines.mesh(frame.rgb, depth_m, frame.camera, target)
+def render_mesh(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Rendering:
+    """Render as a textured depth mesh that is cut at depth edges."""
+    return _rendering(*baselines.mesh(frame.rgb, depth_m, frame.camera, target))
 
 
-def draw_layered(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Drawing:
-    """Draw the multi-plane image of the default generator."""
+def render_layered(frame: Frame, depth_m: Float32[np.ndarray, "h w"], target: Camera) -> Rendering:
+    """Render the multi-plane image of the default generator."""
     from peaking.generators.layered import Layered
     from peaking.rendering import render
 
-    rgba = render(Layered()(frame.rgb, depth_m, frame.camera), target).rgba
-    return rgba[..., :3], rgba[..., 3]
+    return render(Layered()(frame.rgb, depth_m, frame.camera), target)
 
 
-METHODS: Mapping[str, Method] = {"splat": draw_splat, "mesh": draw_mesh, OURS: draw_layered}
+def _rendering(rgb: Float32[np.ndarray, "h w 3"], alpha: Float32[np.ndarray, "h w"]) -> Rendering:
+    """Return premultiplied colour and alpha as a rendering without depth."""
+    return Rendering(np.dstack([rgb, alpha]), np.zeros_like(alpha))
+
+
+METHODS: Mapping[str, SingleViewRenderer] = {
+    "splat": render_splat,
+    "mesh": render_mesh,
+    OURS: render_layered,
+}
 """What `single_view_quality` compares; give it more to compare more."""
 
 
@@ -144,7 +150,7 @@ def single_view_quality(
     baselines_m: Sequence[float] = (0.05, 0.10, 0.20),
     pairs_per_distance: int = 20,
     size_px: tuple[int, int] | None = None,
-    methods: Mapping[str, Method] = METHODS,
+    methods: Mapping[str, SingleViewRenderer] = METHODS,
     complete: Complete | None = None,
 ) -> list[Row]:
     """Score every method at every distance, on the same pairs with the same depth.
@@ -267,7 +273,7 @@ def _read(recording: Recording, index: int, size_px: tuple[int, int] | None) -> 
 
 
 def score_pair(
-    source: Frame, target: Frame, *, methods: Mapping[str, Method], complete: Complete
+    source: Frame, target: Frame, *, methods: Mapping[str, SingleViewRenderer], complete: Complete
 ) -> tuple[dict[str, Score], float] | None:
     """Draw the target from the source by every method; return scores and the common share.
 
@@ -277,25 +283,25 @@ def score_pair(
         raise ValueError(f"need a source with depth, got {source.name}")
     depth_m = complete(source.depth_m, source.rgb)
     photo = target.rgb.astype(np.float32) / np.float32(255.0)
-    drawn = {name: draw(source, depth_m, target.camera) for name, draw in methods.items()}
-    gain = exposure_gain(draw_splat(source, depth_m, target.camera), photo)
-    drawn = {name: _with_gain(drawing, gain) for name, drawing in drawn.items()}
-    common = np.logical_and.reduce([alpha > COVERED for _, alpha in drawn.values()])
+    rendered = {name: method(source, depth_m, target.camera) for name, method in methods.items()}
+    gain = exposure_gain(render_splat(source, depth_m, target.camera), photo)
+    rendered = {name: _with_gain(rendering, gain) for name, rendering in rendered.items()}
+    common = np.logical_and.reduce([each.alpha > COVERED for each in rendered.values()])
     if common.mean() < 0.05:
         return None
-    scores = {name: _score(drawing, photo, common) for name, drawing in drawn.items()}
+    scores = {name: _score(each, photo, common) for name, each in rendered.items()}
     return scores, float(common.mean())
 
 
 def exposure_gain(
-    drawing: Drawing, photo: Float32[np.ndarray, "h w 3"]
+    rendering: Rendering, photo: Float32[np.ndarray, "h w 3"]
 ) -> Float32[np.ndarray, "3"]:
-    """Return per channel by what a drawing is to be multiplied to have the photograph's exposure.
+    """Return per channel by what a rendering is to be multiplied to have the photograph's exposure.
 
     The median ratio over opaque pixels that are neither dark nor saturated. `score_pair` estimates
     it once, from the splat, and applies it to all methods alike.
     """
-    rgb, alpha = drawing
+    rgb, alpha = rendering.rgba[..., :3], rendering.alpha
     gains = np.ones(3, dtype=np.float32)
     for c in range(3):
         usable = (alpha > 0.99) & (rgb[..., c] > 0.1) & (rgb[..., c] < 0.9)
@@ -305,32 +311,23 @@ def exposure_gain(
     return np.clip(gains, *GAIN_LIMITS).astype(np.float32)
 
 
-def _with_gain(drawing: Drawing, gain: Float32[np.ndarray, "3"]) -> Drawing:
-    rgb, alpha = drawing
-    return np.minimum(rgb * gain, alpha[..., None]), alpha
-
-
-def straight(drawing: Drawing) -> Float32[np.ndarray, "h w 3"]:
-    """Return straight colour where something was drawn, black elsewhere."""
-    rgb, alpha = drawing
-    drawn = alpha > 1e-6
-    return np.where(drawn[..., None], rgb / np.where(drawn, alpha, 1.0)[..., None], 0.0).astype(
-        np.float32
-    )
+def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "3"]) -> Rendering:
+    rgb = np.minimum(rendering.rgba[..., :3] * gain, rendering.rgba[..., 3:])
+    return _rendering(rgb, rendering.alpha)
 
 
 def _score(
-    drawing: Drawing, photo: Float32[np.ndarray, "h w 3"], common: Bool[np.ndarray, "h w"]
+    rendering: Rendering, photo: Float32[np.ndarray, "h w 3"], common: Bool[np.ndarray, "h w"]
 ) -> Score:
-    own = drawing[1] > COVERED
-    colour = straight(drawing)
+    own = rendering.alpha > COVERED
+    colour = rendering.rgb()
     return Score(
         psnr_common_db=psnr(colour, photo, common),
         ssim_common=ssim(colour, photo, common),
         sharpness=relative_sharpness(colour, photo, common),
         psnr_own_db=psnr(colour, photo, own),
         ssim_own=ssim(colour, photo, own),
-        psnr_whole_db=psnr(drawing[0], photo),
+        psnr_whole_db=psnr(rendering.rgba[..., :3], photo),
         coverage=float(own.mean()),
     )
 

@@ -38,7 +38,7 @@ class BenchLive:
         """Measure, print, write the file."""
         from tqdm import tqdm
 
-        from peaking.benchmarks.live import LivePlan, run
+        from peaking.benchmarks.live import LiveOptions, run
         from peaking.commands.arguments import ArgumentError
         from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
@@ -46,7 +46,7 @@ class BenchLive:
 
         if self.captures < 1 or not 2 <= self.phones_for_s < float("inf"):
             raise ArgumentError("need --captures of at least 1 and --phones-for-s of at least 2")
-        plan = LivePlan(
+        plan = LiveOptions(
             recordings=[open_recording(scene) for scene in scenes_or_sample(self.scenes)],
             captures=self.captures,
             phones_for_s=self.phones_for_s,

@@ -15,7 +15,7 @@ from peaking.options import PAPER_PEAKED_SHARE
 
 if TYPE_CHECKING:
     from peaking.experiments.executors import Executor
-    from peaking.experiments.plan import EvaluationPlan, Step
+    from peaking.experiments.plan import EvaluationOptions, Step
     from peaking.experiments.steps import Found
 
 StrategyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
@@ -94,11 +94,11 @@ class Evaluate:
             print(evaluation.costs.line())
         print(f"report: {(self.out / 'report.html').resolve()}")
 
-    def _plan(self) -> EvaluationPlan:
-        from peaking.experiments.plan import EvaluationPlan
-        from peaking.experiments.reconstruct import SplatPlan
+    def _plan(self) -> EvaluationOptions:
+        from peaking.experiments.plan import EvaluationOptions
+        from peaking.experiments.reconstruct import SplatTraining
 
-        return EvaluationPlan(
+        return EvaluationOptions(
             scenes=self.scenes,
             options=self.method.options(),
             strategies=self.strategies,
@@ -108,7 +108,7 @@ class Evaluate:
             threshold_share=self.threshold,
             seeds=self.seeds,
             uniform_metres_per_rad=self.uniform_rotation,
-            splat=SplatPlan(self.backend, self.iterations, self.splat_pixels),
+            splat=SplatTraining(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
             lpips_folder=self.lpips_weights,
         )

@@ -73,7 +73,7 @@ class Replay:
         from tqdm import tqdm
 
         from peaking.datasets import open_recording
-        from peaking.replay.guided import GuideChoice
+        from peaking.replay.guided import GuideOptions
         from peaking.replay.run import ReplayOptions, replay
         from peaking.replay.video import find_h264_encoder
         from peaking.selection.registry import SelectionOptions
@@ -85,7 +85,7 @@ class Replay:
         with checked_arguments():
             guide = None
             if self.guide is not None:
-                guide = GuideChoice(
+                guide = GuideOptions(
                     kind=self.guide,
                     area_side_m=self.area_m,
                     near_m=self.near_m,

@@ -51,7 +51,7 @@ def fill_holes(disparity, guide, colour, noise):
         F(defined.SLOPE_RESIDUAL**2),
         F(noise**2),
         F(defined.FLATTEN_SAMPLES),
-        F(defined.MOST_CHANGE),
+        F(defined.MAX_CHANGE),
     )
     out = disparity.copy()
     fill.continue_surfaces(disparity, holes, source, moments, limits, out)

@@ -27,7 +27,7 @@ gives no slope, and the deviation (a part of the disparity) above which it is no
 FLATTEN_SAMPLES = 12.0
 """Surfaces that are continued into holes become flat over this distance."""
 
-MOST_CHANGE = 1.5
+MAX_CHANGE = 1.5
 """A continued surface changes its disparity by no more than this factor."""
 
 PATCH_RADIUS, PATCH_SIGMA = 2, 1.2
@@ -95,7 +95,7 @@ def fill_holes(
     damped = FLATTEN_SAMPLES * (1.0 - np.exp(-away / FLATTEN_SAMPLES)) / away
     start = d.ravel()[source]
     rise = (slope_x.ravel()[source] * dx + slope_y.ravel()[source] * dy) * damped
-    continued = np.clip(start + rise, start / MOST_CHANGE, start * MOST_CHANGE)
+    continued = np.clip(start + rise, start / MAX_CHANGE, start * MAX_CHANGE)
     return np.where(known, disparity, continued).astype(np.float32)
 
 

@@ -16,13 +16,13 @@ from jaxtyping import Float, Float32, Float64
 from peaking.errors import NothingToAlign
 from peaking.geometry import Camera
 
-LEAST_POINTS = 12
+MIN_POINTS = 12
 """Fewer do not decide two numbers when some are wrong."""
 
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 MIN_DEPTH_M = 1e-3
 CANDIDATES = 400
-LEAST_SPREAD = 0.05
+MIN_SPREAD = 0.05
 """Range of relative disparities, as a part of the picture's, that known points must cover for a
 shift to be told from a scale."""
 
@@ -110,20 +110,20 @@ def fit_metric(relative: Float[np.ndarray, "h w"], evidence: Evidence) -> Metric
         NothingToAlign: Too few points, or they contradict the estimate.
     """
     count = len(evidence)
-    if count < LEAST_POINTS:
+    if count < MIN_POINTS:
         raise NothingToAlign(
-            f"need {LEAST_POINTS} points of known distance, got {count}; capture where the phone "
+            f"need {MIN_POINTS} points of known distance, got {count}; capture where the phone "
             "knows depth, or a second view a step aside"
         )
     generator = np.random.default_rng(count)  # the same evidence gives the same fit
-    if count > MOST_POINTS:
-        chosen = generator.choice(count, MOST_POINTS, replace=False)
+    if count > MAX_POINTS:
+        chosen = generator.choice(count, MAX_POINTS, replace=False)
         evidence = Evidence(evidence.points_px[chosen], evidence.disparity_per_m[chosen])
     p = sampled(relative, evidence.points_px)
     d = evidence.disparity_per_m
     low, high = np.percentile(p, [2, 98])
     span = float(relative.max() - relative.min())
-    if high - low < LEAST_SPREAD * span or span == 0:
+    if high - low < MIN_SPREAD * span or span == 0:
         scale, shift = float(np.median(d / np.maximum(p, 1e-6))), 0.0
     else:
         scale, shift = _least_median(p, d, generator)

@@ -18,8 +18,8 @@ FEATURES = 2000
 RATIO = 0.8
 """A match must be so much better than the next best (Lowe's ratio)."""
 
-MOST_REPROJECTION_PX = 2.0
-LEAST_ANGLE_RAD = 0.01
+MAX_REPROJECTION_PX = 2.0
+MIN_ANGLE_RAD = 0.01
 """Between the two rays; nearly parallel ones meet anywhere."""
 
 
@@ -60,7 +60,7 @@ def _met(
         a = (rt * ss - st * rs) / determinant
         b = (rt * rs - st * rr) / determinant
         angle = np.arcsin(np.sqrt(np.clip(determinant / (rr * ss), 0, 1)))
-    good = (angle > LEAST_ANGLE_RAD) & (a > 1e-3) & (b > 1e-3) & np.isfinite(a) & np.isfinite(b)
+    good = (angle > MIN_ANGLE_RAD) & (a > 1e-3) & (b > 1e-3) & np.isfinite(a) & np.isfinite(b)
     if not good.any():
         return Evidence.none()
     middle = (starts[0] + a[good, None] * r[good] + starts[1] + b[good, None] * s[good]) / 2
@@ -68,7 +68,7 @@ def _met(
         _reprojection_px(middle, frame, here_px[good]),
         _reprojection_px(middle, other, there_px[good]),
     )
-    kept = errors < MOST_REPROJECTION_PX
+    kept = errors < MAX_REPROJECTION_PX
     depth_m = here.world_from_cam.inverse().apply(middle[kept])[:, 2]
     return Evidence(here_px[good][kept][depth_m > 0], 1.0 / depth_m[depth_m > 0])
 

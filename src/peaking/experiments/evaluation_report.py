@@ -65,7 +65,7 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class _Picture:
+class _WorstView:
     case: Case
     score: ViewScore
     jpeg: bytes
@@ -311,14 +311,14 @@ def _worst(evaluation: Evaluation, part: _Part) -> list[tuple[Case, ViewScore]]:
     return chosen
 
 
-def _read(case: Case, score: ViewScore, out_root: Path) -> _Picture:
+def _read(case: Case, score: ViewScore, out_root: Path) -> _WorstView:
     jpeg = (out_root / (score.picture or "")).read_bytes()
     if not jpeg.startswith(b"\xff\xd8"):
         raise ValueError(f"need a JPEG as the picture of a worst view, got {score.picture}")
-    return _Picture(case, score, jpeg)
+    return _WorstView(case, score, jpeg)
 
 
-def _figure(picture: _Picture, jpeg: bytes) -> str:
+def _figure(picture: _WorstView, jpeg: bytes) -> str:
     case, score = picture.case, picture.score
     notes = (
         f"view {score.view} · {case.n_views} views chosen · SSIM {score.ssim:.3f} · "

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import peaking
 from peaking.errors import RecordingError
 from peaking.experiments.placing import Placement, Pose
-from peaking.experiments.reconstruct import Method, SplatPlan
+from peaking.experiments.reconstruct import ModelKind, SplatTraining
 from peaking.experiments.results import Case
 from peaking.experiments.splits import TestViews
 from peaking.metrics.lpips import LpipsName
@@ -28,13 +28,13 @@ REFERENCE = "peaking"
 
 
 @dataclass(frozen=True)
-class EvaluationPlan:
+class EvaluationOptions:
     """What to evaluate, and how."""
 
     scenes: tuple[Path, ...]
     options: Options = DEFAULT
     strategies: tuple[str, ...] = tuple(POLICIES)
-    reconstruct: tuple[Method, ...] = ("mpi",)
+    reconstruct: tuple[ModelKind, ...] = ("mpi",)
     test_views: tuple[TestViews, ...] = ("holdout",)
     views: tuple[int, ...] | Literal["threshold-count"] | None = None
     """Numbers of views; or as many as `threshold` takes at `threshold_share`; or three budgets."""
@@ -42,7 +42,7 @@ class EvaluationPlan:
     seeds: int = 5
     uniform_metres_per_rad: float = 0.0
     """What a rotation counts as on the path of `uniform`, in metres; 0 leaves rotations out."""
-    splat: SplatPlan = field(default_factory=SplatPlan)
+    splat: SplatTraining = field(default_factory=SplatTraining)
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Where 3D Gaussians are trained and tested from."""
     lpips_folder: Path | None = None
@@ -135,11 +135,11 @@ class ScoreStep:
     scene: Path
     fingerprint: str
     options: Options
-    reconstruct: Method
+    reconstruct: ModelKind
     views: tuple[int, ...]
     test: tuple[int, ...]
     seed: int
-    splat: SplatPlan | None
+    splat: SplatTraining | None
     poses: tuple[Pose, ...] | None
     """Where the views and the test views were taken; None: where they were recorded."""
     lpips: tuple[LpipsName, ...]
@@ -161,7 +161,7 @@ def key_of(step: Step) -> str:
 
 
 def choose_steps(
-    plan: EvaluationPlan,
+    plan: EvaluationOptions,
     scene: Path,
     fingerprint: str,
     counts: Sequence[int],
@@ -191,11 +191,11 @@ def choose_steps(
 
 
 def score_step(
-    plan: EvaluationPlan,
+    plan: EvaluationOptions,
     chosen: ChooseStep,
     found: dict[str, Any],
     *,
-    how: Method,
+    how: ModelKind,
     placement: Placement | None,
     lpips: tuple[LpipsName, ...],
 ) -> ScoreStep:
@@ -233,7 +233,7 @@ def score_step(
     )
 
 
-def case_of(chosen: ChooseStep, found: dict[str, Any], *, how: Method) -> Case:
+def case_of(chosen: ChooseStep, found: dict[str, Any], *, how: ModelKind) -> Case:
     """Return what a scored choice is called in the results."""
     return Case(
         scene=chosen.scene.resolve().name,

@@ -7,24 +7,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float32
 
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
+from peaking.rendering import Rendering
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.timing import Stopwatch
 
-Method = Literal["mpi", "3dgs"]
+ModelKind = Literal["mpi", "3dgs"]
 
-Picture = tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]
-"""Colour over black, 0…1, and alpha."""
-
-Renderer = Callable[[Camera], Picture]
-"""Draws what a camera sees."""
+Renderer = Callable[[Camera], Rendering]
+"""Renders what a camera sees."""
 
 
 @dataclass(frozen=True)
-class SplatPlan:
+class SplatTraining:
     """How 3D Gaussians are trained."""
 
     backend: Literal["numba", "gsplat"] = "numba"
@@ -38,15 +35,14 @@ class SplatPlan:
 def with_mpis(recorded: RecordedFrames, views: Sequence[int]) -> Renderer:
     """Return what the K nearest of the chosen views show, as the photographer sees it."""
 
-    def render(camera: Camera) -> Picture:
-        rgba = recorded.render(recorded.neighbours(views, camera), camera).rgba
-        return rgba[..., :3], rgba[..., 3]
+    def render(camera: Camera) -> Rendering:
+        return recorded.render(recorded.neighbours(views, camera), camera)
 
     return render
 
 
 def with_gaussians(
-    frames: Sequence[Frame], plan: SplatPlan, *, seed: int, stopwatch: Stopwatch
+    frames: Sequence[Frame], plan: SplatTraining, *, seed: int, stopwatch: Stopwatch
 ) -> Renderer:
     """Train 3D Gaussians on the chosen views and return what they show."""
     from peaking.splat.rasterise import render as rasterise
@@ -56,10 +52,11 @@ def with_gaussians(
     with stopwatch.stage("training"):
         gaussians = train(frames, options, backend=plan.backend)
 
-    def render(camera: Camera) -> Picture:
+    def render(camera: Camera) -> Rendering:
         with stopwatch.stage("rendering"):
-            view = rasterise(gaussians, camera, backend=plan.backend)
-        return view.rgb.astype(np.float32), view.alpha.astype(np.float32)
+            splats = rasterise(gaussians, camera, backend=plan.backend)
+        rgba = np.dstack([splats.rgb, splats.alpha]).astype(np.float32)
+        return Rendering(rgba, splats.depth_m.astype(np.float32))
 
     return render
 

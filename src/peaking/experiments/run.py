@@ -23,7 +23,7 @@ from peaking.experiments.placing import Placement
 from peaking.experiments.plan import (
     ChooseStep,
     CountStep,
-    EvaluationPlan,
+    EvaluationOptions,
     PlaceStep,
     ScoreStep,
     Step,
@@ -50,7 +50,7 @@ OUTPUTS = ("results.json", "views.csv", "table.md", "table.tex", "report.html")
 BOOTSTRAP_SEED = 20250625
 """Of the resampling of test views: the same results give the same intervals."""
 
-Progress = Callable[[Iterable[tuple[Step, Found]], int, str], Iterable[tuple[Step, Found]]]
+StepProgress = Callable[[Iterable[tuple[Step, Found]], int, str], Iterable[tuple[Step, Found]]]
 """Wraps finished steps, with their number and what they are, to show how far it is."""
 
 
@@ -67,7 +67,7 @@ class Runner:
 
     cache: StepCache
     executor: Executor
-    progress: Progress = no_progress
+    progress: StepProgress = no_progress
     peaks_mb: dict[str, float] = field(default_factory=dict)
     """The most memory that each worker had, by its name; of the workers that had most together."""
     took: dict[Step, Mapping[str, Any]] = field(default_factory=dict)
@@ -93,11 +93,11 @@ class Runner:
 
 
 def evaluate(
-    plan: EvaluationPlan,
+    plan: EvaluationOptions,
     out: Path,
     executor: Executor,
     *,
-    progress: Progress = no_progress,
+    progress: StepProgress = no_progress,
 ) -> Evaluation:
     """Run and write `results.json`, `views.csv`, `table.md`, `table.tex`, `report.html`, pictures.
 
@@ -161,7 +161,7 @@ def _begin(out: Path) -> None:
     shutil.rmtree(out / PICTURES, ignore_errors=True)
 
 
-def _checked(plan: EvaluationPlan, root: Path) -> str:
+def _checked(plan: EvaluationOptions, root: Path) -> str:
     """Return the recording's fingerprint after looking whether the plan fits it."""
     recording = open_recording(root)
     if not any(recording.has_depth):
@@ -177,7 +177,7 @@ def _checked(plan: EvaluationPlan, root: Path) -> str:
 
 
 def _counts(
-    plan: EvaluationPlan, prints: Mapping[Path, str], runner: Runner, mpis: Path
+    plan: EvaluationOptions, prints: Mapping[Path, str], runner: Runner, mpis: Path
 ) -> dict[Path, tuple[int, ...]]:
     """Return for every scene how many views to choose."""
     if isinstance(plan.views, tuple):
@@ -193,7 +193,7 @@ def _counts(
 
 
 def _placements(
-    plan: EvaluationPlan, prints: Mapping[Path, str], runner: Runner
+    plan: EvaluationOptions, prints: Mapping[Path, str], runner: Runner
 ) -> dict[Path, Placement]:
     """Return where COLMAP says that the frames were taken; nothing where it is not asked."""
     if plan.cameras == "recorded":
@@ -203,7 +203,7 @@ def _placements(
     return {scene: Placement.read(found[step]) for scene, step in steps.items()}
 
 
-def _lpips_at_hand(plan: EvaluationPlan) -> tuple[LpipsName, ...]:
+def _lpips_at_hand(plan: EvaluationOptions) -> tuple[LpipsName, ...]:
     """Return the learned distances whose weights are here: the official one, else the other."""
     names: tuple[LpipsName, ...] = ("lpips-alex", "st-lpips-alex")
     for name in names:

@@ -21,7 +21,7 @@ SEEN = 0.5
 WORST = 3
 """So many of the worst views of a case are kept as pictures."""
 
-MOST_PSNR_DB = 99.0
+MAX_PSNR_DB = 99.0
 """Of a picture without any difference, so that means stay finite."""
 
 ERROR_GAIN = 2.0
@@ -51,19 +51,19 @@ def score_views(
     scores: list[ViewScore] = []
     rendered: list[Float32[np.ndarray, "h w 3"]] = []
     for index, frame in frames:
-        rgb, alpha = render(frame.camera)
-        rgb = np.clip(rgb, 0.0, 1.0)
+        rendering = render(frame.camera)
+        rgb = np.clip(rendering.rgba[..., :3], 0.0, 1.0)
         photo = frame.rgb.astype(np.float32) / np.float32(255.0)
-        seen = alpha > SEEN
+        seen = rendering.alpha > SEEN
         scores.append(
             ViewScore(
                 view=index,
-                psnr=min(psnr(rgb, photo), MOST_PSNR_DB),
+                psnr=min(psnr(rgb, photo), MAX_PSNR_DB),
                 ssim=ssim(rgb, photo),
                 flip=flip_mean(rgb, photo),
                 lpips=perceptual.lpips(rgb, photo) if perceptual.lpips else None,
                 st_lpips=perceptual.st_lpips(rgb, photo) if perceptual.st_lpips else None,
-                psnr_seen=min(psnr(rgb, photo, seen), MOST_PSNR_DB) if seen.any() else None,
+                psnr_seen=min(psnr(rgb, photo, seen), MAX_PSNR_DB) if seen.any() else None,
                 coverage=float(seen.mean()),
             )
         )

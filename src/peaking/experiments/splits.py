@@ -22,7 +22,7 @@ HOLD_OUT_EVERY = 8
 SHORT = 40
 """A recording of fewer frames is short."""
 
-LEAST_VIEWS = 2
+MIN_VIEWS = 2
 """Views that every strategy is asked for, at least."""
 
 
@@ -73,12 +73,12 @@ def split(
         test = tuple(usable[(a + b) // 2] for a, b in places if b - a > 1)
     tested = set(test)
     candidates = tuple(i for i in usable if i not in tested)
-    if num_views < LEAST_VIEWS or num_views > len(candidates) or not test:
+    if num_views < MIN_VIEWS or num_views > len(candidates) or not test:
         raise RecordingError(
             frames.recording.path,
             f"has {len(usable)} usable frames, which leaves {len(candidates)} to choose from and "
             f"{len(test)} to test with ({test_views}); {num_views} views were asked for",
-            remedy=f"ask for {LEAST_VIEWS} to {max(LEAST_VIEWS, len(candidates))} views (--views)",
+            remedy=f"ask for {MIN_VIEWS} to {max(MIN_VIEWS, len(candidates))} views (--views)",
         )
     return Split(candidates, test, uniform)
 
@@ -91,5 +91,5 @@ def num_candidates(recording: Recording) -> int:
 
 def budgets(count: int) -> tuple[int, int, int]:
     """Return few, middle and many views for so many candidates: a twentieth, a tenth, a fifth."""
-    few, middle, many = (int(max(LEAST_VIEWS, np.rint(count * s))) for s in (0.05, 0.1, 0.2))
+    few, middle, many = (int(max(MIN_VIEWS, np.rint(count * s))) for s in (0.05, 0.1, 0.2))
     return few, max(middle, few + 1), max(many, few + 2)

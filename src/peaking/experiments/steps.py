@@ -17,7 +17,7 @@ from peaking.experiments.placing import at_pose, place
 from peaking.experiments.plan import ChooseStep, CountStep, PlaceStep, ScoreStep, Step
 from peaking.experiments.reconstruct import shrunk, with_gaussians, with_mpis
 from peaking.experiments.scoring import Perceptual, score_views
-from peaking.experiments.splits import LEAST_VIEWS, split
+from peaking.experiments.splits import MIN_VIEWS, split
 from peaking.frame import Frame
 from peaking.options import Options
 from peaking.selection.recorded_frames import RecordedFrames
@@ -86,7 +86,7 @@ def _opened(root: Path, fingerprint: str, options: Options, mpis: Path | None) -
 
 
 def _count(frames: RecordedFrames, step: CountStep) -> Found:
-    candidates = split(frames, usable_frames(frames), "holdout", LEAST_VIEWS).candidates
+    candidates = split(frames, usable_frames(frames), "holdout", MIN_VIEWS).candidates
     taken = taken_at(frames.path(candidates).candidates, step.threshold_share)
     return {"count": len(taken.views)}
 

@@ -101,7 +101,7 @@ def carry_background(disparity, rgba, reach_px, jump, lag_px, colour_px, steps, 
 
 
 @nb.njit(cache=True, parallel=True)
-def join_background(disparity, steps, edge_rgba, jump, ladder, hidden, hidden_rgba):
+def join_background(disparity, steps, edge_rgba, jump, disparities, hidden, hidden_rgba):
     """Join what is carried: the disparity of the nearest edge, the colours of all that agree.
 
     Writes, only where something is behind, `packed_split` of its disparity, and its colour.
@@ -135,7 +135,7 @@ def join_background(disparity, steps, edge_rgba, jump, ladder, hidden, hidden_rg
                     b += weight * np.float32((colour >> np.uint32(16)) & np.uint32(255))
             norm = ONE / total
             half = np.float32(0.5)
-            hidden[y + 1, x + 1] = packed_split(d_sum * norm, ladder)
+            hidden[y + 1, x + 1] = packed_split(d_sum * norm, disparities)
             hidden_rgba[y + 1, x + 1] = (
                 np.uint32(r * norm + half)
                 | (np.uint32(g * norm + half) << np.uint32(8))

@@ -15,7 +15,7 @@ from peaking.mpi import CELL_PX, tile_grid
 def layers(
     rgb: UInt8[np.ndarray, "h w 3"],
     disparity: Float32[np.ndarray, "h w"],
-    ladder: Float64[np.ndarray, "planes"],
+    disparities: Float64[np.ndarray, "planes"],
     *,
     reach_px: float,
     jump_per_m: float,
@@ -27,7 +27,7 @@ def layers(
     rows, cols = tile_grid(width, height)
     rim = rows * CELL_PX + 1, cols * CELL_PX + 1
     picture = np.s_[1 : height + 1, 1 : width + 1]
-    steps = ladder.astype(np.float32)
+    steps = disparities.astype(np.float32)
 
     rgba = np.empty((*rim, 4), np.uint8)
     cv2.cvtColor(rgb, cv2.COLOR_RGB2RGBA, dst=rgba[picture])
@@ -56,7 +56,7 @@ def layers(
     background.smooth_background(joined.reshape(flat), SMOOTH_PX // 2, hidden_rgba.reshape(flat))
 
     tiles.pack_pixels(behind, opacity, lowest, underlap_planes, seen, hidden)
-    held = np.empty((len(ladder), rows, cols), np.bool_)
+    held = np.empty((len(disparities), rows, cols), np.bool_)
     tiles.mark_tiles(seen, hidden, held)
     index = np.empty(held.shape, np.int32)
     places = np.empty((held.size, 3), np.int32)

@@ -22,7 +22,7 @@ SMOOTH_PX = 5
 def layers(
     rgb: UInt8[np.ndarray, "h w 3"],
     disparity: Float32[np.ndarray, "h w"],
-    ladder: Float64[np.ndarray, "planes"],
+    disparities: Float64[np.ndarray, "planes"],
     *,
     reach_px: float,
     jump_per_m: float,
@@ -31,8 +31,8 @@ def layers(
 ) -> tuple[Int32[np.ndarray, "tiles 3"], UInt8[np.ndarray, "tiles 16 16 4"]]:
     """Split a picture into layers; return the places of the tiles and the tiles."""
     height, width = disparity.shape
-    planes = np.zeros((len(ladder), height, width, 4), np.uint8)
-    behind, opacity = split(disparity, ladder)
+    planes = np.zeros((len(disparities), height, width, 4), np.uint8)
+    behind, opacity = split(disparity, disparities)
     lowest = np.maximum(lowest_around(behind, underlap_px), behind - underlap_planes)
     put(planes, behind, (opacity < 255) | (lowest < behind), rgb, np.full_like(opacity, 255))
     put(planes, behind + 1, opacity > 0, rgb, opacity)
@@ -40,22 +40,22 @@ def layers(
         put(planes, behind - below, behind - below >= lowest, rgb, np.full_like(opacity, 255))
 
     hidden, hidden_rgb = continued_background(rgb, disparity, reach_px, jump_per_m)
-    deep, deep_opacity = split(np.where(hidden > 0, hidden, ladder[0]), ladder)
+    deep, deep_opacity = split(np.where(hidden > 0, hidden, disparities[0]), disparities)
     free = (hidden > 0) & (deep + 1 < lowest)
     put(planes, deep, free, hidden_rgb, np.full_like(opacity, 255))
     put(planes, deep + 1, free & (deep_opacity > 0), hidden_rgb, deep_opacity)
 
     camera = Camera(Pinhole(width, height, 1.0, 1.0, 0.0, 0.0), Rigid.identity())
-    mpi = Mpi.from_dense(planes, 1.0 / ladder, camera)
+    mpi = Mpi.from_dense(planes, 1.0 / disparities, camera)
     return mpi.tile_places, mpi.texels
 
 
 def split(
-    disparity: Float[np.ndarray, "h w"], ladder: Float64[np.ndarray, "planes"]
+    disparity: Float[np.ndarray, "h w"], disparities: Float64[np.ndarray, "planes"]
 ) -> tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
     """Return the plane behind each pixel and the 8-bit opacity of the plane before it."""
-    position = np.interp(disparity, ladder, np.arange(len(ladder), dtype=np.float64))
-    behind = np.minimum(np.floor(position), len(ladder) - 2).astype(np.int32)
+    position = np.interp(disparity, disparities, np.arange(len(disparities), dtype=np.float64))
+    behind = np.minimum(np.floor(position), len(disparities) - 2).astype(np.int32)
     opacity = np.floor((position - behind) * 255.0 + 0.5).astype(np.int32)
     return behind, opacity
 

@@ -73,8 +73,8 @@ class Layered:
         if not (np.isfinite(depth_m).all() and depth_m.min() > 0):
             raise ValueError("need a depth > 0 at every pixel; complete the depth first")
         disparity = (1.0 / depth_m).astype(np.float32)
-        ladder = plane_disparities_per_m(disparity, self.num_planes)
-        jump = self.jump_planes * (ladder[-1] - ladder[0]) / (self.num_planes - 1)
+        disparities = plane_disparities_per_m(disparity, self.num_planes)
+        jump = self.jump_planes * (disparities[-1] - disparities[0]) / (self.num_planes - 1)
         reach_px = self.reach_m * (camera.pinhole.fx_px + camera.pinhole.fy_px) / 2
         if self.backend == "numpy":
             from peaking.generators import _numpy as module
@@ -83,10 +83,10 @@ class Layered:
         places, texels = module.layers(
             rgb,
             disparity,
-            ladder,
+            disparities,
             reach_px=reach_px,
             jump_per_m=float(jump),
             underlap_px=self.underlap_px,
             underlap_planes=self.underlap_planes,
         )
-        return Mpi(camera, 1.0 / ladder, places, texels, generator=self.name)
+        return Mpi(camera, 1.0 / disparities, places, texels, generator=self.name)

@@ -10,7 +10,7 @@ SMOOTHING_BINS = 3.0
 FLOOR = 1e-3
 """Least density of planes where no pixel is, as a part of the greatest."""
 
-LEAST_SPAN = 0.02
+MIN_SPAN = 0.02
 """Least range of disparities that the planes cover, as a part of their mean."""
 
 
@@ -40,7 +40,7 @@ def plane_disparities_per_m(
         raise ValueError("need disparities > 0 at every pixel")
     ranks = np.round(np.array([0.001, 0.999]) * (len(sample) - 1)).astype(int)
     low, high = sample[ranks].astype(np.float64)
-    lacking = LEAST_SPAN * (low + high) / 2 - (high - low)
+    lacking = MIN_SPAN * (low + high) / 2 - (high - low)
     if lacking > 0:
         low, high = low - lacking / 2, high + lacking / 2
     edges = np.linspace(low, high, HISTOGRAM_BINS + 1)

@@ -4,7 +4,7 @@
 `hemisphere` are the other layouts that the paper names, `guide` says which targets are taken.
 """
 
-from peaking.guidance.guide import Guide, Progress, Tolerance, progress
+from peaking.guidance.guide import Guide, GuideProgress, Tolerance, progress
 from peaking.guidance.hemisphere import hemisphere
 from peaking.guidance.planes import plane_stack
 from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
@@ -13,8 +13,8 @@ from peaking.guidance.scan import DepthScan
 __all__ = [
     "DepthScan",
     "Guide",
+    "GuideProgress",
     "PlenopticBound",
-    "Progress",
     "Tolerance",
     "hemisphere",
     "plane_stack",

@@ -46,7 +46,7 @@ class Guide:
 
 
 @dataclass(frozen=True)
-class Progress:
+class GuideProgress:
     """What has been taken."""
 
     taken_by: tuple[int | None, ...]
@@ -68,7 +68,7 @@ class Progress:
         return tuple(i for i, view in enumerate(self.taken_by) if view is None)
 
 
-def progress(guide: Guide, views: Sequence[Camera]) -> Progress:
+def progress(guide: Guide, views: Sequence[Camera]) -> GuideProgress:
     """Say which targets the captured views have taken.
 
     View by view, in the order of capture: each takes the nearest target within the tolerance that
@@ -80,7 +80,7 @@ def progress(guide: Guide, views: Sequence[Camera]) -> Progress:
         target = within_reach(guide, view, taken_by)
         if target is not None:
             taken_by[target] = index
-    return Progress(tuple(taken_by))
+    return GuideProgress(tuple(taken_by))
 
 
 def within_reach(guide: Guide, view: Camera, taken_by: Sequence[int | None]) -> int | None:

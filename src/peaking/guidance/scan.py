@@ -17,7 +17,7 @@ NEAR_SHARE = 0.01
 CONFIRMATIONS = 3
 """Frames that must have seen something as near as z_min."""
 
-LEAST_KNOWN_SHARE = 0.05
+MIN_KNOWN_SHARE = 0.05
 """A frame with a smaller share of known depths says nothing."""
 
 
@@ -55,10 +55,10 @@ class DepthScan:
 def near_depth_m(depth_m: Float[np.ndarray, "h w"]) -> float | None:
     """Return the near depth of a map: of its n known ones that of rank floor(n · `NEAR_SHARE`).
 
-    Rank 0 is the smallest. None when fewer than `LEAST_KNOWN_SHARE` of the pixels are known.
+    Rank 0 is the smallest. None when fewer than `MIN_KNOWN_SHARE` of the pixels are known.
     """
     known_m = depth_m[np.isfinite(depth_m) & (depth_m > 0)]
-    if known_m.size == 0 or known_m.size < LEAST_KNOWN_SHARE * depth_m.size:
+    if known_m.size == 0 or known_m.size < MIN_KNOWN_SHARE * depth_m.size:
         return None
     rank = math.floor(known_m.size * NEAR_SHARE)
     return float(np.partition(known_m, rank)[rank])

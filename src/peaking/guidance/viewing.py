@@ -22,7 +22,7 @@ ARCMIN_RAD = math.radians(1 / 60)
 
 PURSUIT_GAIN = 0.82
 DRIFT_DEG_PER_S = 0.15
-MOST_PURSUIT_DEG_PER_S = 80.0
+MAX_PURSUIT_DEG_PER_S = 80.0
 """How eyes follow what moves: Daly (1998). docs/plenoptic.md says which of these were checked."""
 
 CORNER_DEG_PER_S = 2.0
@@ -98,7 +98,7 @@ def extended_bound(bound: PlenopticBound, viewing: Viewing) -> PlenopticBound:
 
 def _follow(target_deg_per_s: float) -> tuple[float, float]:
     """Return the share of a motion that the eyes follow, and the slip that is left, in °/s."""
-    eye_deg_per_s = min(PURSUIT_GAIN * target_deg_per_s + DRIFT_DEG_PER_S, MOST_PURSUIT_DEG_PER_S)
+    eye_deg_per_s = min(PURSUIT_GAIN * target_deg_per_s + DRIFT_DEG_PER_S, MAX_PURSUIT_DEG_PER_S)
     eye_deg_per_s = min(eye_deg_per_s, target_deg_per_s)
     slip_deg_per_s = max(target_deg_per_s - eye_deg_per_s, DRIFT_DEG_PER_S)
     return (eye_deg_per_s / target_deg_per_s if target_deg_per_s > 0 else 0.0), slip_deg_per_s

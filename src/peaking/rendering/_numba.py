@@ -19,7 +19,7 @@ OPAQUE = 1.0 / 512.0
 """Transmittance below which what lies behind cannot change an 8-bit colour."""
 
 
-def render(mpi: Mpi, homographies, value_times_w, value, size_px, *, out=None):
+def render(mpi: Mpi, homographies, depth_times_w, disparity, size_px, *, out=None):
     """Render; see `peaking.rendering.render`. `out`: two arrays to write into."""
     width, height = size_px
     if out is None:
@@ -32,8 +32,8 @@ def render(mpi: Mpi, homographies, value_times_w, value, size_px, *, out=None):
         mpi.tile_index,
         drawn,
         homographies.astype(np.float32),
-        value_times_w.astype(np.float32),
-        value.astype(np.float32),
+        depth_times_w.astype(np.float32),
+        disparity.astype(np.float32),
         rgba,
         average,
     )
@@ -87,7 +87,7 @@ def _lanes(texel):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _render(texels, tile_index, drawn, homographies, value_times_w, value, rgba, average):
+def _render(texels, tile_index, drawn, homographies, depth_times_w, disparity, rgba, average):
     height, width = average.shape
     rows, cols = tile_index.shape[1:]
     max_i = cols * 15  # exclusive bound of texel + 1
@@ -121,8 +121,8 @@ def _render(texels, tile_index, drawn, homographies, value_times_w, value, rgba,
                 h00, h01, h02 = h[0, 0], h[0, 1], h[0, 2]
                 h10, h11, h12 = h[1, 0], h[1, 1], h[1, 2]
                 h20, h21, h22 = h[2, 0], h[2, 1], h[2, 2]
-                per_w = value_times_w[plane]
-                constant = value[plane]
+                per_w = depth_times_w[plane]
+                constant = disparity[plane]
                 open_pixels = 0
                 for y in range(y0, y1):
                     yc = np.float32(y) + half

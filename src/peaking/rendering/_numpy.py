@@ -11,8 +11,8 @@ from peaking.mpi import Mpi
 def render(
     mpi: Mpi,
     homographies: Float64[np.ndarray, "planes 3 3"],
-    value_times_w: Float64[np.ndarray, "planes"],
-    value: Float64[np.ndarray, "planes"],
+    depth_times_w: Float64[np.ndarray, "planes"],
+    disparity: Float64[np.ndarray, "planes"],
     size_px: tuple[int, int],
 ) -> tuple[Float32[np.ndarray, "h w 4"], Float32[np.ndarray, "h w"]]:
     """Render; see `peaking.rendering.render`."""
@@ -23,7 +23,7 @@ def render(
     weighted = np.zeros((height, width))
     planes = mpi.dense() / 255.0
     for plane, homography, per_w, constant in zip(
-        planes, homographies, value_times_w, value, strict=True
+        planes, homographies, depth_times_w, disparity, strict=True
     ):
         if np.isnan(homography[0, 0]):
             continue

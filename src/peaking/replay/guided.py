@@ -25,12 +25,12 @@ from peaking.options import Options
 
 GuideKind = Literal["plenoptic", "planes", "hemisphere"]
 
-MOST_TARGETS = 20_000
+MAX_TARGETS = 20_000
 """A scene that is too near for its area asks for more than anyone can take."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuideChoice:
+class GuideOptions:
     """Which guide, and how."""
 
     kind: GuideKind
@@ -76,7 +76,7 @@ class GuidedWalk:
 
 
 def guided_walk(
-    recording: Recording, choice: GuideChoice, *, num_frames: int, options: Options
+    recording: Recording, choice: GuideOptions, *, num_frames: int, options: Options
 ) -> GuidedWalk:
     """Scan the first frames of a recording, place a guide in the middle of its path, choose frames.
 
@@ -111,7 +111,7 @@ def guided_walk(
         area_side_m=choice.area_side_m,
         num_planes=options.num_planes,
     )
-    if bound.views_per_side**2 > MOST_TARGETS:
+    if bound.views_per_side**2 > MAX_TARGETS:
         raise _refused(
             recording,
             f"the nearest thing, {z_min_m:.3f} m away, asks for {bound.views_per_side**2} views",
@@ -129,7 +129,9 @@ def guided_walk(
     return GuidedWalk(guide, bound, chosen)
 
 
-def _guide_of(choice: GuideChoice, bound: PlenopticBound, anchor: Camera, radius_m: float) -> Guide:
+def _guide_of(
+    choice: GuideOptions, bound: PlenopticBound, anchor: Camera, radius_m: float
+) -> Guide:
     pose = anchor.world_from_cam
     if choice.kind == "plenoptic":
         guide = plenoptic_grid(pose, bound)

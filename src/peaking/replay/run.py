@@ -25,7 +25,7 @@ from peaking.options import Options
 from peaking.output import complete_or_absent
 from peaking.overlay import Overlay, draw, mpi_over_black
 from peaking.pipeline import Reconstruction
-from peaking.replay.guided import GuideChoice, GuidedWalk, guided_walk
+from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
@@ -44,7 +44,7 @@ from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
 from peaking.timing import Stopwatch
 
-Progress = Callable[[Iterable[int]], Iterable[int]]
+FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 """Wraps the frame numbers to show how far the walk is, such as `tqdm`."""
 
 
@@ -62,7 +62,7 @@ class ReplayOptions:
     """The third picture of the video."""
     fps: float = 15.0
     with_video: bool = True
-    guide: GuideChoice | None = None
+    guide: GuideOptions | None = None
     """Capture at the targets of a guide instead."""
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class Walk:
         """Frames that are captured now, in order."""
         return tuple(self._views)
 
-    def frames(self, *, progress: Progress = iter) -> Iterator[WalkedFrame]:
+    def frames(self, *, progress: FrameProgress = iter) -> Iterator[WalkedFrame]:
         """Walk.
 
         Args:
@@ -213,7 +213,7 @@ def _record(
     )
 
 
-def replay(how: ReplayOptions, out: Path, *, progress: Progress = iter) -> ReplaySummary:
+def replay(how: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> ReplaySummary:
     """Replay and write `overlay.mp4`, `frames.csv`, `summary.json`, `report.html`, `captured/`.
 
     Raises:

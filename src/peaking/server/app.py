@@ -28,7 +28,6 @@ from peaking.errors import PeakingError
 from peaking.options import DEFAULT, Options
 from peaking.output import encode_jpeg, write_atomically
 from peaking.server import wire
-from peaking.server.answers import event_stream, json_answer, problem
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
 from peaking.server.durable import DiskFull, room_explained
@@ -37,8 +36,9 @@ from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession
 from peaking.server.openapi import document
 from peaking.server.recordings import PlayedRecording
+from peaking.server.responses import event_stream, json_response, problem
 from peaking.server.sessions import SessionStore
-from peaking.server.upload import BadUpload, parse_upload
+from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 MAX_JSON_BYTES = 1_000_000
 THUMBNAIL_PX = 240
@@ -85,11 +85,11 @@ class ServerConfig:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, store: SessionStore, config: ServerConfig) -> None:
+    def __init__(self, store: SessionStore, config: ServerConfig, hub: Hub) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
         self.config = config
-        self.hub = Hub()
+        self.hub = hub
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             for capture_id in session.unfinished(config.options.generator):
@@ -104,7 +104,7 @@ class _Handlers:
 
     async def info(self, _: Request) -> Response:
         options = self.config.options
-        return json_answer(
+        return json_response(
             wire.ServerInfo(
                 protocol=wire.PROTOCOL,
                 version=peaking.__version__,
@@ -130,13 +130,13 @@ class _Handlers:
         return answer
 
     async def openapi(self, _: Request) -> Response:
-        return json_answer(document())
+        return json_response(document())
 
     async def sessions(self, _: Request) -> Response:
-        return json_answer(self._summaries())
+        return json_response(self._summaries())
 
     async def session(self, request: Request) -> Response:
-        return json_answer(self._state(self._session(request)))
+        return json_response(self._state(self._session(request)))
 
     async def session_events(self, request: Request) -> Response:
         session = self._session(request)
@@ -158,17 +158,13 @@ class _Handlers:
     # Sessions
 
     async def begin_session(self, request: Request) -> Response:
+        session_id = _id(request, "session")
         new = await self._json(request, wire.NewSession)
-        if new.protocol != wire.PROTOCOL:
-            raise BadUpload(
-                f"This server speaks version {wire.PROTOCOL} of the protocol, the client "
-                f"{new.protocol}; reload the page.",
-                status=400,
-            )
-        session, created = await run_in_threadpool(self.store.begin, new)
+        check_protocol(new.protocol, by="client")
+        session, created = await run_in_threadpool(self.store.begin, session_id, new)
         if created:
             self._tell_summary(session)
-        return json_answer(self._state(session), status=201 if created else 200)
+        return json_response(self._state(session), status=201 if created else 200)
 
     async def change_session(self, request: Request) -> Response:
         session = self._session(request)
@@ -178,7 +174,7 @@ class _Handlers:
         if change.finished is not None:
             await run_in_threadpool(session.finish, change.finished)
         self._tell_summary(session)
-        return json_answer(session.summary(live=self.hub.is_live(session.id)))
+        return json_response(session.summary(live=self.hub.is_live(session.id)))
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
@@ -192,10 +188,11 @@ class _Handlers:
 
     async def peaked(self, request: Request) -> Response:
         session = self._session(request)
-        return json_answer(wire.PeakedSamples(await run_in_threadpool(session.peaked)))
+        return json_response(wire.PeakedSamples(await run_in_threadpool(session.peaked)))
 
     async def add_peaked(self, request: Request) -> Response:
         session = self._session(request)
+        _id(request, "batch")
         told = await self._json(request, wire.PeakedSamples)
         await run_in_threadpool(session.add_peaked, told.samples)
         self._tell_summary(session)
@@ -208,26 +205,27 @@ class _Handlers:
         capture_id = _id(request, "capture")
         body = await self._body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
-            return json_answer(session.capture(capture_id))
+            return json_response(session.capture(capture_id))
         upload = await run_in_threadpool(parse_upload, body)
         if not self.queue.room:
             return problem(
                 503,
-                "The server has too much to do; the phone tries again.",
-                {"Retry-After": str(RETRY_AFTER_S)},
+                "The server is busy; the phone tries again.",
+                kind="busy",
+                headers={"Retry-After": str(RETRY_AFTER_S)},
             )
         capture, created = await run_in_threadpool(session.store_capture, capture_id, upload)
         if created:
             self.queue.put(session, capture_id)
             self._tell_capture(session, capture)
-        return json_answer(capture, status=201 if created else 200)
+        return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
         session = self._session(request)
         capture = await run_in_threadpool(session.remove_capture, _id(request, "capture"))
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
-        return json_answer(capture)
+        return json_response(capture)
 
     async def mpi(self, request: Request) -> Response:
         session = self._session(request)
@@ -253,7 +251,7 @@ class _Handlers:
 
     async def recording(self, request: Request) -> Response:
         recording = self._recording(request)
-        return json_answer(await run_in_threadpool(lambda: recording.index))
+        return json_response(await run_in_threadpool(lambda: recording.index))
 
     async def recorded_photo(self, request: Request) -> Response:
         recording = self._recording(request)
@@ -296,7 +294,7 @@ class _Handlers:
     def _recording(self, request: Request) -> PlayedRecording:
         recording = self.config.recordings.get(request.path_params["recording"])
         if recording is None:
-            raise HTTPException(404, "This server does not play a recording of that name.")
+            raise HTTPException(404, "This server has no recording of that name.")
         return recording
 
     async def _json(self, request: Request, kind: type[T]) -> T:
@@ -304,7 +302,7 @@ class _Handlers:
         try:
             return msgspec.json.decode(body, type=kind)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise BadUpload(f"The request's JSON is wrong: {error}.") from error
+            raise BadUpload(f"The JSON of the request is not valid: {error}.") from error
 
     async def _body(self, request: Request, max_bytes: int) -> bytes:
         """Read a body, and stop as soon as it is too long."""
@@ -319,13 +317,21 @@ class _Handlers:
                     break
                 parts.append(part)
         if size > max_bytes:
-            raise BadUpload(f"That is more than {max_bytes:,} bytes.", status=413)
+            raise BadUpload(
+                f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"
+            )
         return b"".join(parts)
 
 
-def create_app(*, store: SessionStore, config: ServerConfig) -> Starlette:
-    """Return the application; a test can hold ten of them."""
-    server = _Handlers(store, config)
+def create_app(*, store: SessionStore, config: ServerConfig, hub: Hub | None = None) -> Starlette:
+    """Return the application; a test can hold ten of them.
+
+    Args:
+        store: The sessions.
+        config: What is served, and to whom.
+        hub: Ends all streams of events when it is closed; one of its own by default.
+    """
+    server = _Handlers(store, config, hub or Hub())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
@@ -352,14 +358,14 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route("/api/v1/openapi.json", server.openapi, methods=["GET"]),
         Route("/api/v1/events", server.server_events, methods=["GET"]),
         Route("/api/v1/sessions", server.sessions, methods=["GET"]),
-        Route("/api/v1/sessions", server.begin_session, methods=["POST"]),
         Route(session, server.session, methods=["GET"]),
+        Route(session, server.begin_session, methods=["PUT"]),
         Route(session, server.change_session, methods=["PATCH"]),
         Route(session + "/events", server.session_events, methods=["GET"]),
         Route(session + "/peaked", server.peaked, methods=["GET"]),
-        Route(session + "/peaked", server.add_peaked, methods=["POST"]),
+        Route(session + "/peaked/{batch}", server.add_peaked, methods=["PUT"]),
         Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
-        Route(capture, server.upload, methods=["POST"]),
+        Route(capture, server.upload, methods=["PUT"]),
         Route(capture, server.remove, methods=["DELETE"]),
         Route(capture + "/mpi", server.mpi, methods=["GET"]),
         Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
@@ -405,15 +411,15 @@ def _pages(client_dir: Path) -> list[BaseRoute]:
 def _handlers() -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
-            return problem(error.status, str(error))
+            return problem(error.status, str(error), kind=error.kind)
         if isinstance(error, HTTPException):
-            return problem(error.status_code, error.detail, error.headers)
+            return problem(error.status_code, error.detail, headers=error.headers)
         if isinstance(error, UnknownSession | UnknownCapture):
             return problem(404, str(error))
         if isinstance(error, DiskFull):
-            return problem(507, str(error))
+            return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)
-        return problem(500, "Something went wrong on the server; its log says what.")
+        return problem(500, "Something went wrong on the server. Its log has the details.")
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
@@ -423,7 +429,7 @@ def _id(request: Request, name: str) -> str:
     try:
         return msgspec.convert(request.path_params[name], wire.Id)
     except msgspec.ValidationError:
-        raise HTTPException(404, f"That is no id of a {name}.") from None
+        raise HTTPException(404, f"This is not a valid {name} id.") from None
 
 
 def _or_404(call: Callable[[int], T], index: int) -> T:
@@ -435,7 +441,7 @@ def _or_404(call: Callable[[int], T], index: int) -> T:
 
 def _file(path: Path, media_type: str) -> Response:
     if not path.is_file():
-        raise HTTPException(404, "That file is not there.")
+        raise HTTPException(404, "There is no such file.")
     return FileResponse(path, media_type=media_type, headers=_LASTING)
 
 

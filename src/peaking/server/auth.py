@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from peaking.server.answers import problem
+from peaking.server.responses import problem
 
 COOKIE = "peaking_token"
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]", "::1"})
@@ -62,15 +62,16 @@ class Guard:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if self.token is None and _name(host) not in LOOPBACK_NAMES:
-            return problem(403, "This server only answers to localhost.")
+            return problem(403, "This server answers only requests to localhost.")
         if not scope["path"].startswith(API):
             return None
         if self.token is not None and not self._knows_token(headers):
-            return problem(401, "Pair this device first: open the link that the server printed.")
+            sentence = "Pair this device first: open the link that the server printed."
+            return problem(401, sentence, kind="not-paired")
         origin = headers.get("origin")
         changes = scope["method"] not in ("GET", "HEAD", "OPTIONS")
         if changes and origin is not None and urlsplit(origin).netloc != host:
-            return problem(403, "Another page may not change anything here.")
+            return problem(403, "Requests from pages of another origin are rejected.")
         return None
 
     def _knows_token(self, headers: Headers) -> bool:

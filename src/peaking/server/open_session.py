@@ -68,6 +68,7 @@ class OpenSession:
         """
         self.folder = folder
         self.peaked_share: float | None = None
+        self._peaked_s: set[float] = set()
         self._clock = clock
         self._lock = threading.RLock()
         self._log = SessionLog(folder / session_log.FILE_NAME)
@@ -303,17 +304,19 @@ class OpenSession:
             self._replay(event)
 
     def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
-        """Append what a phone told; not waited for until it is on the disk.
+        """Append what a phone told, each sample once; not waited for until it is on the disk.
 
         Raises:
             DiskFull: There is no room; none of it was kept.
         """
-        if not samples:
-            return
-        lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in samples)
         with self._lock:
+            new = {s.time_s: s for s in samples if s.time_s not in self._peaked_s}
+            if not new:
+                return
+            lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in new.values())
             with room_explained():
                 append(self.folder / "peaked.jsonl", lines, durably=False)
+            self._peaked_s.update(new)
             self.peaked_share = samples[-1].peaked_share
 
     def refresh_dataset(self) -> None:
@@ -392,6 +395,7 @@ class OpenSession:
         self._drop_torn_sample()
         samples = self.peaked()
         self.peaked_share = samples[-1].peaked_share if samples else None
+        self._peaked_s = {sample.time_s for sample in samples}
         self.refresh_dataset()
 
     def _find_mpi(self, capture: wire.Capture) -> None:

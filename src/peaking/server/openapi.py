@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 import peaking
 from peaking.server import wire
+from peaking.server.responses import PROBLEM_JSON
 
 BINARY = "application/octet-stream"
 
@@ -26,6 +28,10 @@ class Operation:
     status: int = 200
     query: tuple[str, ...] = ()
     media: str = "application/json"
+    refusals: tuple[tuple[int, Any], ...] = ()
+    """Problems with more fields than the usual ones, by status."""
+    token: Literal["token", "console"] = "token"
+    """Whose token is needed."""
 
 
 _SESSION = "/api/v1/sessions/{session}"
@@ -40,10 +46,8 @@ OPERATIONS = (
         "get", "/api/v1/events", "News of all sessions", wire.ServerEvent, media="text/event-stream"
     ),
     Operation("get", "/api/v1/sessions", "All sessions", list[wire.SessionSummary]),
-    Operation(
-        "post", "/api/v1/sessions", "Begin a session", wire.Session, wire.NewSession, status=201
-    ),
     Operation("get", _SESSION, "A session with its captures", wire.Session),
+    Operation("put", _SESSION, "Begin a session", wire.Session, wire.NewSession, status=201),
     Operation("patch", _SESSION, "Rename or finish it", wire.SessionSummary, wire.SessionChange),
     Operation(
         "get",
@@ -55,10 +59,14 @@ OPERATIONS = (
     ),
     Operation("get", _SESSION + "/peaked", "Peaked share over time", wire.PeakedSamples),
     Operation(
-        "post", _SESSION + "/peaked", "Tell peaked shares", body=wire.PeakedSamples, status=204
+        "put",
+        _SESSION + "/peaked/{batch}",
+        "Tell peaked shares",
+        body=wire.PeakedSamples,
+        status=204,
     ),
     Operation("get", _SESSION + "/dataset.zip", "The data set", bytes, media="application/zip"),
-    Operation("post", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
+    Operation("put", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
     Operation("delete", _CAPTURE, "Undo a capture", wire.Capture),
     Operation("get", _CAPTURE + "/mpi", "Its first MPI", bytes, media=BINARY),
     Operation("get", _CAPTURE + "/mpi/{version}", "A version of its MPI", bytes, media=BINARY),
@@ -70,12 +78,16 @@ OPERATIONS = (
 )
 
 
-def document() -> dict[str, Any]:
-    """Return the OpenAPI document."""
+def document(operations: Sequence[Operation] = OPERATIONS) -> dict[str, Any]:
+    """Return the OpenAPI document of these operations."""
     kinds = [
         kind
-        for operation in OPERATIONS
-        for kind in (operation.answer, operation.body)
+        for operation in operations
+        for kind in (
+            operation.answer,
+            operation.body,
+            *(refusal for _, refusal in operation.refusals),
+        )
         if kind not in (None, bytes)
     ]
     schemas, components = msgspec.json.schema_components(
@@ -83,7 +95,7 @@ def document() -> dict[str, Any]:
     )
     schema_of = {id(kind): schema for kind, schema in zip(kinds, schemas, strict=False)}
     paths: dict[str, dict[str, Any]] = {}
-    for operation in OPERATIONS:
+    for operation in operations:
         paths.setdefault(operation.path, {})[operation.method] = _operation(operation, schema_of)
     return {
         "openapi": "3.1.0",
@@ -91,7 +103,10 @@ def document() -> dict[str, Any]:
         "paths": paths,
         "components": {
             "schemas": components,
-            "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
+            "securitySchemes": {
+                name: {"type": "http", "scheme": "bearer"}
+                for name in sorted({operation.token for operation in operations})
+            },
         },
         "security": [{"token": []}],
     }
@@ -104,7 +119,7 @@ def _operation(operation: Operation, schema_of: dict[int, Any]) -> dict[str, Any
     problem = {"$ref": "#/components/schemas/Problem"}
     refusal = {
         "description": "Refused",
-        "content": {"application/json": {"schema": problem}},
+        "content": {PROBLEM_JSON: {"schema": problem}},
     }
     described: dict[str, Any] = {
         "summary": operation.summary,
@@ -117,6 +132,13 @@ def _operation(operation: Operation, schema_of: dict[int, Any]) -> dict[str, Any
             ),
         ],
     }
+    for status, refused in operation.refusals:
+        described["responses"][str(status)] = {
+            "description": "Refused",
+            "content": _content(refused, PROBLEM_JSON, schema_of),
+        }
+    if operation.token != "token":
+        described["security"] = [{operation.token: []}]
     if operation.status == 201:
         described["responses"]["200"] = answer
     if operation.body is not None:
@@ -137,6 +159,6 @@ def _parameter(name: str) -> dict[str, Any]:
     kind: dict[str, Any] = {"type": "string"}
     if name in ("index", "version"):
         kind = {"type": "integer", "minimum": 0}
-    elif name in ("session", "capture"):
+    elif name in ("session", "capture", "batch"):
         kind = {"type": "string", "pattern": r"^[0-9a-z][0-9a-z-]{7,63}$"}
     return {"name": name, "in": "path", "required": True, "schema": kind}

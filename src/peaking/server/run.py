@@ -12,6 +12,7 @@ from starlette.types import ASGIApp
 
 from peaking.errors import OutputError
 from peaking.server.app import ServerConfig, create_app
+from peaking.server.events import Hub
 from peaking.server.sessions import SessionStore
 
 CLIENT_DIR = Path(__file__).parent / "client"
@@ -66,7 +67,9 @@ def serve(
     store = SessionStore(sessions)
     for problem in store.problems:
         told(problem)
-    run(listener, create_app(store=store, config=config), context=context, started=started)
+    hub = Hub()
+    app = create_app(store=store, config=config, hub=hub)
+    run(listener, app, context=context, started=started, stopping=hub.close)
 
 
 def run(
@@ -75,8 +78,17 @@ def run(
     *,
     context: ssl.SSLContext | None = None,
     started: Callable[[], None],
+    stopping: Callable[[], None] = lambda: None,
 ) -> None:
-    """Serve an application until Ctrl-C; `started` is called when requests are answered."""
+    """Serve an application until Ctrl-C.
+
+    Args:
+        listener: Where.
+        app: What.
+        context: For https.
+        started: Called when requests are answered.
+        stopping: Called first at the end: what ends responses that would never end by themselves.
+    """
     settings = uvicorn.Config(
         app,
         http="httptools",
@@ -88,17 +100,24 @@ def run(
     )
     settings.load()
     settings.ssl = context
-    server = _Server(settings, started)
+    server = _Server(settings, started, stopping)
     server.run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
-    """Says when it answers, and ends long event streams before it waits for connections."""
+    """Says when it answers, and when it is about to wait for connections to end."""
 
-    def __init__(self, config: uvicorn.Config, started: Callable[[], None]) -> None:
+    def __init__(
+        self, config: uvicorn.Config, started: Callable[[], None], stopping: Callable[[], None]
+    ) -> None:
         super().__init__(config)
         self._when_started = started
+        self._when_stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets=sockets)
         self._when_started()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._when_stopping()
+        await super().shutdown(sockets=sockets)

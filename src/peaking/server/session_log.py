@@ -24,11 +24,21 @@ class Event(msgspec.Struct, frozen=True, tag_field="type"):
     at_s: float
 
 
+class NamedSession(msgspec.Struct, frozen=True):
+    """What a phone said of a session when it began it."""
+
+    id: wire.Id
+    protocol: int
+    name: wire.Name
+    source: wire.SourceKind
+    device: str = ""
+
+
 class SessionBegun(Event, frozen=True, tag="SessionBegun"):
     """First line of every log."""
 
     version: int
-    session: wire.NewSession
+    session: NamedSession
 
 
 class CaptureStored(Event, frozen=True, tag="CaptureStored"):

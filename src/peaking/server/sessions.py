@@ -65,7 +65,7 @@ class SessionStore:
                 raise UnknownSession("There is no such session on this server.")
             return self._sessions[session_id]
 
-    def begin(self, new: wire.NewSession) -> tuple[OpenSession, bool]:
+    def begin(self, session_id: str, new: wire.NewSession) -> tuple[OpenSession, bool]:
         """Return the session of this id, and whether it was made now.
 
         Raises:
@@ -73,18 +73,24 @@ class SessionStore:
             DiskFull: There is no room; nothing of it was kept.
         """
         with self._lock:
-            if new.id in self._sessions:
-                return self._sessions[new.id], False
-            if new.id in self._erased:
+            if session_id in self._sessions:
+                return self._sessions[session_id], False
+            if session_id in self._erased:
                 raise UnknownSession(ERASED)
             now_s = self._clock()
             when = time.strftime("%Y-%m-%d_%H%M%S", time.localtime(now_s))
-            folder = self.root / f"{when}_{new.id[:8]}"
+            folder = self.root / f"{when}_{session_id[:8]}"
             # The whole id where two share their beginning in the same second.
             if folder.exists():
-                folder = self.root / f"{when}_{new.id}"
+                folder = self.root / f"{when}_{session_id}"
             hidden = folder.with_name(f".{folder.name}.partial")
-            begun = session_log.SessionBegun(at_s=now_s, version=session_log.VERSION, session=new)
+            begun = session_log.SessionBegun(
+                at_s=now_s,
+                version=session_log.VERSION,
+                session=session_log.NamedSession(
+                    session_id, new.protocol, new.name, new.source, new.device
+                ),
+            )
             try:
                 with room_explained():
                     hidden.mkdir(exist_ok=True)
@@ -99,7 +105,7 @@ class SessionStore:
                 raise
             flush_names(self.root)
             session = OpenSession(folder, clock=self._clock)
-            self._sessions[new.id] = session
+            self._sessions[session_id] = session
             return session, True
 
     def erase(self, session_id: str) -> None:

@@ -12,13 +12,14 @@ from jaxtyping import Float32, UInt16
 
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.server import wire
+from peaking.server.responses import ProblemKind
 
 MAX_HEADER_BYTES = 20_000
 MAX_PHOTO_PIXELS = 40_000_000
 PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
 """Where the principal point may lie, in sizes of the picture: crops move it, not further."""
 
-FARTHEST_M = 1e5
+MAX_DISTANCE_M = 1e5
 """Coordinates of tracked points lie within this, as those of cameras do."""
 
 BYTES_OF_POINT = 12
@@ -27,10 +28,26 @@ BYTES_OF_POINT = 12
 class BadUpload(Exception):
     """An upload that cannot be used, now or later; the message is a sentence for the phone."""
 
-    def __init__(self, problem: str, *, status: int = 422) -> None:
-        """Keep the sentence and the HTTP status."""
+    def __init__(self, problem: str, *, status: int = 422, kind: ProblemKind = "invalid") -> None:
+        """Keep the sentence, the HTTP status and the kind of problem."""
         super().__init__(problem)
         self.status = status
+        self.kind: ProblemKind = kind
+
+
+def check_protocol(spoken: int, *, by: str) -> None:
+    """Refuse another version of the protocol.
+
+    Raises:
+        BadUpload: It is another one.
+    """
+    if spoken != wire.PROTOCOL:
+        raise BadUpload(
+            f"This server speaks version {wire.PROTOCOL} of the protocol, the {by} version "
+            f"{spoken}. Reload the page, or update the older of the two.",
+            status=400,
+            kind="protocol",
+        )
 
 
 @dataclass(frozen=True)
@@ -57,16 +74,12 @@ def parse_upload(body: bytes) -> Upload:
         BadUpload: Anything about it is wrong.
     """
     header, rest = _header(body)
-    if header.protocol != wire.PROTOCOL:
-        raise BadUpload(
-            f"This server speaks version {wire.PROTOCOL} of the protocol, the phone "
-            f"{header.protocol}; reload the page.",
-            status=400,
-        )
+    check_protocol(header.protocol, by="phone")
     camera_of_wire(header.camera)
     if len(rest) < header.photo_bytes:
         raise BadUpload(
-            f"The upload is cut off: photo_bytes is {header.photo_bytes}, {len(rest)} came.",
+            f"The upload is incomplete: photo_bytes is {header.photo_bytes}, but {len(rest)} bytes "
+            "arrived.",
             status=400,
         )
     photo, rest = rest[: header.photo_bytes], rest[header.photo_bytes :]
@@ -75,7 +88,7 @@ def parse_upload(body: bytes) -> Upload:
     points_bytes = BYTES_OF_POINT * header.points
     if len(rest) != depth_bytes + points_bytes:
         raise BadUpload(
-            f"{len(rest)} bytes of depth and points came, the header says {depth_bytes} and "
+            f"{len(rest)} bytes of depth and points arrived, but the header says {depth_bytes} and "
             f"{points_bytes}.",
             status=400,
         )
@@ -112,12 +125,12 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
     (length,) = struct.unpack_from("<I", body)
     if not 2 <= length <= min(MAX_HEADER_BYTES, len(body) - 4):
         raise BadUpload(
-            f"The header's length is given as {length} of {len(body)} bytes.", status=400
+            f"The header is {length} bytes long, it says, in an upload of {len(body)}.", status=400
         )
     try:
         header = msgspec.json.decode(body[4 : 4 + length], type=wire.CaptureHeader)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise BadUpload(f"The header is wrong: {error}.") from error
+        raise BadUpload(f"The header is not valid: {error}.") from error
     return header, body[4 + length :]
 
 
@@ -126,15 +139,16 @@ def _check_photo(photo: bytes, pinhole: wire.Pinhole) -> None:
     try:
         height, width, _, _ = simplejpeg.decode_jpeg_header(photo)
     except ValueError as error:
-        raise BadUpload("The photo is not a JPEG that can be read.") from error
+        raise BadUpload("The photo is not a readable JPEG.") from error
     width, height = int(width), int(height)
     if width * height > MAX_PHOTO_PIXELS:
         raise BadUpload(
-            f"The photo has {width}x{height} pixels; send at most {MAX_PHOTO_PIXELS:,}."
+            f"The photo has {width}x{height} pixels. Send at most {MAX_PHOTO_PIXELS:,} pixels."
         )
     if (width, height) != (pinhole.width_px, pinhole.height_px):
         raise BadUpload(
-            f"The photo is {width}x{height}, its camera {pinhole.width_px}x{pinhole.height_px}."
+            f"The photo has {width}x{height} pixels, but its camera says "
+            f"{pinhole.width_px}x{pinhole.height_px}."
         )
 
 
@@ -147,8 +161,8 @@ def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"]
     width, height = layout.width_px, layout.height_px
     if abs(width * k.height_px - height * k.width_px) > max(k.width_px, k.height_px):
         raise BadUpload(
-            f"The depth map ({width}x{height}) has not the photo's aspect "
-            f"({k.width_px}x{k.height_px}): crop it to the photo's field of view."
+            f"The depth map ({width}x{height}) and the photo ({k.width_px}x{k.height_px}) differ "
+            "in aspect ratio. Crop the depth map to the photo's field of view."
         )
     return np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)
 
@@ -158,11 +172,11 @@ def _points(data: bytes) -> Float32[np.ndarray, "n 3"] | None:
         return None
     points_m = np.frombuffer(data, "<f4").astype(np.float32).reshape(-1, 3)
     # NaN is not within it either.
-    wrong = np.flatnonzero(~(np.abs(points_m) <= FARTHEST_M).all(axis=1))
+    wrong = np.flatnonzero(~(np.abs(points_m) <= MAX_DISTANCE_M).all(axis=1))
     if len(wrong):
         x, y, z = points_m[wrong[0]]
         raise BadUpload(
-            f"Point {wrong[0]} is ({x:g}, {y:g}, {z:g}): points are metres of the world, within "
-            f"{FARTHEST_M:g}."
+            f"Point {wrong[0]} is ({x:g}, {y:g}, {z:g}). Points are in metres, in the world, "
+            f"within {MAX_DISTANCE_M:g}."
         )
     return points_m

@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from peaking import options as method
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Goes up when an older client would misunderstand; both sides refuse another version."""
 
 Id = Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$")]
@@ -145,9 +145,8 @@ class Capture(Struct, frozen=True):
 
 
 class NewSession(Struct, frozen=True):
-    """Begin a session, or find it again: POST /api/v1/sessions."""
+    """Begin a session, or find it again: PUT /api/v1/sessions/{session}."""
 
-    id: Id
     protocol: int
     name: Name
     source: SourceKind
@@ -200,7 +199,10 @@ class PeakedSample(Struct, frozen=True):
 
 
 class PeakedSamples(Struct, frozen=True):
-    """POST /api/v1/sessions/{session}/peaked, and the answer to a GET there."""
+    """PUT /api/v1/sessions/{session}/peaked/{batch}; and all of them, GET …/peaked.
+
+    A sample is known by its time: one that is sent again is kept once.
+    """
 
     samples: Annotated[list[PeakedSample], Meta(max_length=100_000)]
 
@@ -279,10 +281,15 @@ class RecordingIndex(Struct, frozen=True):
 
 
 class Problem(Struct, frozen=True):
-    """The body of every answer of 400 and above."""
+    """The body of every response of 400 and above: RFC 9457, `application/problem+json`."""
 
-    problem: str
-    """A sentence: what is wrong and what to do."""
+    type: str
+    """A URI by which programs tell problems apart; `about:blank`: the status says it all."""
+    title: str
+    """The same for every problem of the type."""
+    status: int
+    detail: str
+    """For people: what is wrong this time and what to do."""
 
 
 # Server-sent events. Every stream begins with the whole state, so nothing is lost by reconnecting.

@@ -41,7 +41,8 @@ export interface StoredPhoto {
 
 export interface StoredSession {
   readonly id: string;
-  readonly request: NewSession;
+  /** Earlier versions kept more with it. */
+  readonly request: Omit<NewSession, 'protocol'>;
   /** Whether the server knows it. */
   readonly begun: boolean;
   /** A name or an end that the server has not been told yet. */
@@ -64,10 +65,10 @@ interface Schema extends DBSchema {
 
 type Change<T> = (value: T) => T | null;
 
-const IN_MEMORY = 'Photos are only in memory: keep this page open until they are sent.';
+const IN_MEMORY = 'Photos are only in memory. Keep this page open until they are uploaded.';
 const FULL = `This browser's storage is full. ${IN_MEMORY}`;
-const NONE = `This browser keeps nothing on disk (a private window?). ${IN_MEMORY}`;
-const BROKEN = "This browser's storage stopped working: reload the page once all is sent. "
+const NONE = `This browser does not save data (a private window?). ${IN_MEMORY}`;
+const BROKEN = "This browser's storage stopped working. Reload the page once everything is uploaded. "
   + IN_MEMORY;
 
 /** Written through to the disk, not to a cache of the operating system. */

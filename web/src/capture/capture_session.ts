@@ -7,7 +7,7 @@ import { wireOfCamera } from '../geometry';
 import type { Api, ApiError } from '../server/api';
 import { sessionEvents, type Connection } from '../server/events';
 import type { Pacing } from '../server/pacing';
-import { PROTOCOL, type Capture, type NewSession, type PeakedSample } from '../wire';
+import type { Capture, NewSession, PeakedSample } from '../wire';
 import { askToPersist, type CaptureDb } from './capture_db';
 import {
   NOTHING_KNOWN, reduce, risenOf, viewsOf, type CaptureAction, type CapturedView,
@@ -84,7 +84,7 @@ export class CaptureSession implements Disposable {
       ...(options.network !== undefined && { network: options.network }),
     });
     this.#reporter = new PeakedReporter(
-      (samples) => api.postPeaked(id, samples), () => this.#state.connection === 'online');
+      (samples) => api.putPeaked(id, newIdOf(options), samples), () => this.#state.connection === 'online');
     this.#tabs = options.tabs === undefined
       ? new BroadcastChannel('peaking-captures') : options.tabs;
     if (this.#tabs !== null) this.#tabs.onmessage = () => void this.#readLocals();
@@ -343,10 +343,9 @@ export class CaptureSession implements Disposable {
 }
 
 function newSession(id: string, { name, source, device }: CaptureSessionOptions): {
-  id: string; request: NewSession; begun: boolean; pending: null;
+  id: string; request: Omit<NewSession, 'protocol'>; begun: boolean; pending: null;
 } {
-  const request: NewSession = { id, protocol: PROTOCOL, name, source, device };
-  return { id, request, begun: false, pending: null };
+  return { id, request: { name, source, device }, begun: false, pending: null };
 }
 
 function newIdOf({ newId }: CaptureSessionOptions): string {

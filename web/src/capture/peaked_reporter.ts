@@ -11,7 +11,7 @@ export class PeakedReporter {
   #batch: PeakedSample[] = [];
 
   constructor(
-    readonly post: (samples: readonly PeakedSample[]) => Promise<unknown>,
+    readonly put: (samples: readonly PeakedSample[]) => Promise<unknown>,
     readonly isOnline: () => boolean,
   ) {}
 
@@ -33,6 +33,6 @@ export class PeakedReporter {
     if (this.#batch.length < BATCH) return;
     const batch = this.#batch;
     this.#batch = [];
-    this.post(batch).catch(() => undefined);
+    this.put(batch).catch(() => undefined);
   }
 }

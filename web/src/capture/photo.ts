@@ -55,7 +55,7 @@ export class PhotoReader implements Disposable {
    */
   async read(frame: LiveFrame): Promise<CapturedPhoto> {
     const { camera: live, image } = frame;
-    if (live === null) throw new PhotoError('No photo: tracking is lost. Move back a little.');
+    if (live === null) throw new PhotoError('No photo: tracking is lost.');
     if (image === null) throw new PhotoError('No photo: there is no camera picture yet.');
     const time_s = this.#clock_s();
     const camera: Camera = {
@@ -96,7 +96,7 @@ export class PhotoReader implements Disposable {
         gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, image, 0);
       const status = gl.checkFramebufferStatus(gl.READ_FRAMEBUFFER);
       if (status !== gl.FRAMEBUFFER_COMPLETE) {
-        throw new PhotoError(`No photo: this browser does not let the camera picture be read `
+        throw new PhotoError(`No photo: this browser does not allow reading the camera picture `
           + `(framebuffer status 0x${status.toString(16)}).`);
       }
       gl.disable(gl.SCISSOR_TEST);
@@ -132,7 +132,7 @@ export class PhotoReader implements Disposable {
       if (fence === null) throw new PhotoError('No photo: the graphics context is lost.');
       for (let waited_ms = 0; !hasPassed(gl, fence); waited_ms += POLL_MS) {
         if (gl.isContextLost() || waited_ms > PATIENCE_MS) {
-          throw new PhotoError('No photo: the graphics driver did not give the picture.');
+          throw new PhotoError('No photo: the graphics driver did not return the picture.');
         }
         await new Promise((resolve) => setTimeout(resolve, POLL_MS));
       }

@@ -5,7 +5,7 @@
 
 import { ApiError, type Api } from '../server/api';
 import { backoff_ms, browserPacing, type Pacing } from '../server/pacing';
-import type { Capture } from '../wire';
+import { PROTOCOL, type Capture } from '../wire';
 import type { CaptureDb, StoredCapture, StoredSession } from './capture_db';
 import { uploadBody } from './upload_body';
 
@@ -168,7 +168,10 @@ export class Uploader {
   }
 
   async #begin(session: StoredSession): Promise<void> {
-    await this.api.beginSession(session.request);
+    const { name, source, device } = session.request;
+    await this.api.beginSession(session.id, {
+      protocol: PROTOCOL, name, source, ...(device !== undefined && { device }),
+    });
     await this.db.changeSession(session.id, (now) => ({ ...now, begun: true }));
   }
 
@@ -257,7 +260,7 @@ export class Uploader {
 
   /** The database, or a fault of ours: said, and tried again; the photo is where it was. */
   #fault(error: unknown): Outcome {
-    this.listener.onTrouble(`Sending failed: ${String(error)}`);
+    this.listener.onTrouble(`Upload failed: ${String(error)}`);
     return this.#retry(0, true);
   }
 

@@ -43,74 +43,75 @@ export function findingsOf(facts: Facts): Finding[] {
     {
       grade: no('bad', facts.secure),
       title: 'Secure page',
-      text: facts.secure ? 'Browsers show the camera only to pages like this one.'
-        : 'This page came over plain http from another machine, where browsers hide the camera. '
-          + 'Open the https link that "peaking serve" prints, or use a cable: peaking serve --adb.',
+      text: facts.secure ? 'The page is secure, which browsers require for camera access.'
+        : 'This page was loaded over plain http, where browsers block the camera. Open the https '
+          + 'link that "peaking serve" prints, or use a USB cable: peaking serve --adb.',
     },
     {
       grade: no('bad', facts.immersiveAr),
       title: 'Augmented reality (WebXR)',
-      text: facts.immersiveAr ? 'The browser can tell where the phone is.'
+      text: facts.immersiveAr ? 'The browser can track the position of the phone.'
         : whyNoAr(facts, iPhone, android, chrome),
     },
     {
       grade: no(facts.immersiveAr ? 'bad' : 'warn', facts.cameraAccess),
-      title: 'Access to the camera picture',
+      title: 'Camera access',
       text: facts.cameraAccess
-        ? 'The browser can give pages the picture that belongs to a pose'
-          + (facts.immersiveAr ? '; you will be asked.' : ', once it has augmented reality.')
-        : 'Only Chrome for Android (107 or newer) gives pages the camera picture of its pose.',
+        ? 'The browser can give pages the camera picture'
+          + (facts.immersiveAr ? '; it asks for permission first.' : ' on devices with augmented reality.')
+        : 'Only Chrome for Android (107 or newer) gives pages the camera picture.',
     },
     {
       grade: no('warn', facts.depthSensing),
       title: 'Depth',
       text: facts.depthSensing
-        ? 'The browser knows depth sensing, and all its kinds can be read: three formats, in memory '
-          + 'or on the graphics card. Whether this device has it shows when the camera runs.'
-        : 'Without depth a view is kept and is in the data set, but does not join the picture.',
+        ? 'The browser supports depth sensing. Whether this device does is known once the camera '
+          + 'runs.'
+        : 'Without depth, views are saved and are part of the data set, but the live picture does '
+          + 'not use them.',
     },
     {
       grade: no('bad', facts.webGl2 && facts.maxTextureSize >= NEEDED_TEXTURE),
       title: 'WebGL 2',
       text: facts.webGl2
-        ? `Textures of up to ${facts.maxTextureSize} texels; ${NEEDED_TEXTURE} are needed.`
-        : 'The pictures are drawn with it. Update the browser, or switch hardware acceleration on.',
+        ? `Textures of up to ${facts.maxTextureSize} texels (${NEEDED_TEXTURE} are needed).`
+        : 'WebGL 2 draws the pictures. Update the browser, or turn on hardware acceleration.',
     },
     {
       grade: no('bad', facts.workers),
-      title: 'Work beside the picture',
-      text: facts.workers ? 'Photos and planes are decoded without stopping the picture.'
-        : 'Workers with OffscreenCanvas are missing. Update the browser.',
+      title: 'Background work',
+      text: facts.workers ? 'Photos are encoded and planes decoded in the background.'
+        : 'This browser has no workers with OffscreenCanvas. Update it.',
     },
     {
       grade: no('warn', facts.storage),
       title: 'Storage on this device',
-      text: facts.storage ? 'Photos are safe here until the server has them.'
-        : 'Nothing can be kept here (a private window?): do not close the page before all views '
-          + 'are sent.',
+      text: facts.storage ? 'Photos are kept here until the server has them.'
+        : 'Nothing can be saved here (a private window?). Do not close the page before all views '
+          + 'are uploaded.',
     },
     {
       grade: no('bad', facts.server),
       title: 'Server',
-      text: facts.server ? 'It answers, and this device is paired with it.'
-        : 'It does not answer, or this device is not paired: open the link that it printed.',
+      text: facts.server ? 'The server answers, and this device is paired with it.'
+        : 'The server does not answer, or this device is not paired. Open the link that it printed.',
     },
   ];
 }
 
 function whyNoAr(facts: Facts, iPhone: boolean, android: boolean, chrome: boolean): string {
   if (iPhone) {
-    return 'Safari and all other browsers on iPhones have no augmented reality for pages, so this '
-      + 'page cannot capture here. Record with an app that exports poses and depth, and play the '
+    return 'Browsers on iPhones and iPads do not offer augmented reality to pages, so this page '
+      + 'cannot capture here. Record with an app that exports poses and depth, then play the '
       + 'recording: peaking demo SCENE.';
   }
-  if (!facts.secure) return 'It is hidden, because the page is not secure (see above).';
+  if (!facts.secure) return 'Not available, because the page is not secure (see above).';
   if (android && chrome) {
-    return 'Install "Google Play Services for AR" from the Play Store, and see that the phone is in '
+    return 'Install "Google Play Services for AR" from the Play Store, and check that the phone is on '
       + "Google's list of ARCore devices.";
   }
-  if (android) return 'Use Chrome: this browser has no augmented reality for pages.';
-  return 'Computers have none. Use the virtual phone here, or open this page on an Android phone.';
+  if (android) return 'Use Chrome. This browser does not offer augmented reality to pages.';
+  return 'Computers do not have it. Use the virtual phone, or open this page on an Android phone.';
 }
 
 export function verdictOf(facts: Facts): Verdict {
@@ -124,13 +125,13 @@ export function verdictOf(facts: Facts): Verdict {
   if (facts.secure && facts.immersiveAr && facts.cameraAccess) {
     return {
       grade: 'good', title: 'Ready to capture',
-      text: facts.depthSensing ? 'Start the camera on the first page.'
-        : 'But without depth: views are kept, and do not join the picture.',
+      text: facts.depthSensing ? 'Start the camera on the capture page.'
+        : 'But without depth: views are saved, but the live picture does not use them.',
     };
   }
   return {
     grade: 'warn', title: 'Use the virtual phone, or play a recording',
-    text: 'Everything works here but this device\'s own camera.',
+    text: "Everything works here except this device's own camera.",
   };
 }
 

@@ -68,8 +68,8 @@ async function tryCamera(out: HTMLElement): Promise<void> {
       withDepth += 1;
       depth = `${map.width_px} × ${map.height_px}`;
     }, stop.signal);
-    out.textContent = `${frames} frames in ${TRIAL_MS / 1000} s, ${tracked} of them tracked; camera `
-      + `picture ${picture}; depth in ${withDepth} frames, ${depth}.`;
+    out.textContent = `${frames} frames in ${TRIAL_MS / 1000} s, ${tracked} of them tracked. Camera `
+      + `picture: ${picture}. Depth in ${withDepth} frames: ${depth}.`;
   } catch (error) {
     out.textContent = error instanceof Error ? error.message : String(error);
   }
@@ -102,7 +102,7 @@ async function main(): Promise<void> {
 
 function missingFirst(findings: readonly Finding[]): Finding[] {
   const order = { bad: 0, warn: 1, good: 2 } as const;
-  return findings.toSorted((a, b) => order[a.grade] - order[b.grade]);
+  return [...findings].sort((a, b) => order[a.grade] - order[b.grade]);
 }
 
 void main();

@@ -33,11 +33,11 @@ export function guideOptionsOf(query: URLSearchParams): GuideOptions | null {
   const kind = query.get('guide');
   if (kind === null) return null;
   if (!isKind(kind)) {
-    throw new NoSuchGuide(`There is no guide "${kind}": use plenoptic, planes or hemisphere.`);
+    throw new NoSuchGuide(`Unknown guide "${kind}". Use plenoptic, planes or hemisphere.`);
   }
   const shutter = query.get('shutter') ?? 'manual';
   if (shutter !== 'auto' && shutter !== 'manual') {
-    throw new NoSuchGuide(`There is no shutter "${shutter}": use auto or manual.`);
+    throw new NoSuchGuide(`Unknown shutter "${shutter}". Use auto or manual.`);
   }
   const near_m = numberOf(query, 'near', 0.001, 1);
   const angle_deg = numberOf(query, 'angle', 0.1, 90);
@@ -63,5 +63,5 @@ function numberOf(query: URLSearchParams, name: string, low: number, high: numbe
   if (text === null) return null;
   const value = Number(text);
   if (text.trim() !== '' && value >= low && value <= high) return value;
-  throw new NoSuchGuide(`Need ${name} from ${low} to ${high}, got "${text}".`);
+  throw new NoSuchGuide(`${name} must be from ${low} to ${high}, got "${text}".`);
 }

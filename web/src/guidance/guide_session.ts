@@ -7,6 +7,7 @@ import {
   angleBetween, copyOfCamera, distanceBetween, pinholeScratch, resized, rigid, type Cam,
   type Camera, type Rigid, type World,
 } from '../geometry';
+import { integer, list, number, parseKept, record, text } from '../schema';
 import type { DepthMap } from '../sources/frame_source';
 import { MAX_GUIDED_TARGETS, type Options } from '../wire';
 import { nextTarget, numTaken, progress, withinReach, type Guide, type TakenBy } from './guide';
@@ -123,15 +124,15 @@ export class GuideSession {
   /** End the scan: the targets are put around where the camera is now. @returns A problem, or null. */
   place(camera: Camera | null): string | null {
     const { zMin_m, bound } = this.#state;
-    if (camera === null) return 'Tracking is lost; place the targets when it is back.';
-    if (zMin_m === null || bound === null) return 'Look around first, until the depth is known.';
+    if (camera === null) return 'Tracking is lost. Place the targets when it is back.';
+    if (zMin_m === null || bound === null) return 'Look around first, until a depth is shown.';
     const placement = {
       worldFromAnchor: rigid<World, Cam>(camera.worldFromCam.rows), zMin_m, bound, radius_m: this.#lastMiddle_m ?? zMin_m,
     };
     const guide = this.#guideOf(placement);
     if (guide.targets.length > MAX_GUIDED_TARGETS) {
-      return `The nearest thing is ${zMin_m.toFixed(2)} m away, which asks for `
-        + `${guide.targets.length} views. Scan again from farther off, or choose a smaller area.`;
+      return `The nearest object is ${zMin_m.toFixed(2)} m away, so ${guide.targets.length} views `
+        + 'would be needed. Scan again from farther away, or choose a smaller area.';
     }
     this.#placement = placement;
     this.#guide = guide;
@@ -223,21 +224,32 @@ export class GuideSession {
 
   /** Go on where a reload interrupted. */
   #remember(): void {
-    const text = this.memory.load();
-    if (text === null) return;
-    try {
-      const { kind, anchor, zMin_m, radius_m, bound } = JSON.parse(text) as {
-        kind: string; anchor: number[]; zMin_m: number; radius_m: number; bound: PlenopticBound;
-      };
-      if (kind !== this.options.kind || bound.areaSide_m !== this.options.areaSide_m) return;
-      this.#placement = { worldFromAnchor: rigid(anchor), zMin_m, radius_m, bound };
-      this.#guide = this.#guideOf(this.#placement);
-    } catch {
-      // Written by another version: the scan begins anew.
-      this.memory.save(null);
-    }
+    const kept = this.memory.load();
+    if (kept === null) return;
+    const placed = parseKept(placedSchema, kept);
+    // Written by another version: the scan begins anew.
+    if (placed === null) return this.memory.save(null);
+    const { kind, anchor, zMin_m, radius_m, bound } = placed;
+    if (kind !== this.options.kind || bound.areaSide_m !== this.options.areaSide_m) return;
+    this.#placement = { worldFromAnchor: rigid(anchor), zMin_m, radius_m, bound };
+    this.#guide = this.#guideOf(this.#placement);
   }
 }
+
+/** What is remembered of a placement. */
+const placedSchema = record<{
+  readonly kind: string; readonly anchor: readonly number[]; readonly zMin_m: number;
+  readonly radius_m: number; readonly bound: PlenopticBound;
+}>({
+  kind: text,
+  anchor: list(number(), 12, 12),
+  zMin_m: number(0),
+  radius_m: number(0),
+  bound: record<PlenopticBound>({
+    areaSide_m: number(0), spacing_m: number(0), numViewsExact: number(0), numViews: integer(0),
+    viewsPerSide: integer(0), pitch_m: number(0), tanHalfFov: number(0),
+  }),
+});
 
 /** The target's position in the camera's axes: the inverse of the camera's pose, applied to it. */
 function offset(

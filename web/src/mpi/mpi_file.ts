@@ -1,6 +1,7 @@
 /** Reads the header and the occupancy of an `.mpi` file; docs/mpi-format.md is the definition. */
 
 import { rigid, type Camera } from '../geometry';
+import { integer, list, number, oneOf, parseJson, record, text } from '../schema';
 
 export class MpiFileError extends Error {
   override readonly name = 'MpiFileError';
@@ -93,50 +94,44 @@ interface Header {
   readonly payload_bytes: number;
 }
 
-function readHeader(text: Uint8Array): Header {
-  let header: Header;
-  try {
-    header = JSON.parse(new TextDecoder('utf-8', { fatal: true }).decode(text)) as Header;
-  } catch {
-    throw new MpiFileError('the header is not JSON');
-  }
-  if (typeof header !== 'object' || header === null || Array.isArray(header)) {
-    throw new MpiFileError('the header is no JSON object');
-  }
-  const whole = (name: keyof Header, low: number, high: number): void => {
-    const value = header[name];
-    if (!Number.isInteger(value) || Number(value) < low || Number(value) > high) {
-      throw new MpiFileError(`${name} is ${String(value)}, need ${low}…${high}`);
-    }
-  };
-  whole('width_px', 1, 16384);
-  whole('height_px', 1, 16384);
-  whole('num_tiles', 0, 65536);
-  whole('occupancy_bytes', 0, 2 ** 22);
-  whole('payload_bytes', 0, 2 ** 30);
-  const finite = (values: readonly unknown[]): boolean => values.every(Number.isFinite);
+const headerSchema = record<Header>({
+  width_px: integer(1, 16384),
+  height_px: integer(1, 16384),
+  fx_px: number(),
+  fy_px: number(),
+  cx_px: number(),
+  cy_px: number(),
+  world_from_cam: list(list(number(), 4, 4), 3, 3),
+  plane_depths_m: list(number(), 1, 1024),
+  generator: text,
+  codec: oneOf('jpeg', 'lossless'),
+  num_tiles: integer(0, 65536),
+  occupancy_bytes: integer(0, 2 ** 22),
+  payload_bytes: integer(0, 2 ** 30),
+});
+
+function readHeader(bytes: Uint8Array): Header {
+  const header = parsedHeader(bytes);
   const depths = header.plane_depths_m;
-  if (!Array.isArray(depths) || depths.length < 1 || depths.length > 1024 || !finite(depths)
-    || depths.some((depth, i) => depth <= 0 || (i > 0 && depth >= Number(depths[i - 1])))) {
-    throw new MpiFileError('plane_depths_m must be 1…1024 depths > 0, farthest first');
+  if (depths.some((depth, i) => depth <= 0 || (i > 0 && depth >= Number(depths[i - 1])))) {
+    throw new MpiFileError('plane_depths_m must be depths > 0, farthest first');
   }
-  if (!finite([header.fx_px, header.fy_px, header.cx_px, header.cy_px])
-    || header.fx_px <= 0 || header.fy_px <= 0) {
+  if (header.fx_px <= 0 || header.fy_px <= 0) {
     throw new MpiFileError('the intrinsics are not those of a camera');
-  }
-  const pose: unknown = header.world_from_cam;
-  if (!Array.isArray(pose) || pose.length !== 3
-    || !pose.every((row) => Array.isArray(row) && row.length === 4 && finite(row))) {
-    throw new MpiFileError('world_from_cam must be 3 rows of 4 numbers');
   }
   if (!isRotation(header.world_from_cam)) {
     throw new MpiFileError('world_from_cam must begin with a rotation');
   }
-  if (typeof header.generator !== 'string') throw new MpiFileError('need text as generator');
-  if (header.codec !== 'jpeg' && header.codec !== 'lossless') {
-    throw new MpiFileError(`codec is ${String(header.codec)}, need jpeg or lossless`);
-  }
   return header;
+}
+
+function parsedHeader(bytes: Uint8Array): Header {
+  try {
+    return parseJson(headerSchema, new TextDecoder('utf-8', { fatal: true }).decode(bytes));
+  } catch (error) {
+    // A TypeError: it is not UTF-8 either.
+    throw new MpiFileError(`the header: ${error instanceof Error ? error.message : String(error)}`);
+  }
 }
 
 /** Whether the first three columns are orthonormal and keep their handedness. */

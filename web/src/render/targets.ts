@@ -47,7 +47,7 @@ export class Targets implements Disposable {
     this.result = ofView();
     this.shown = ofView();
     this.shownBefore = ofView();
-    this.blendedFrom = new Array<Target | null>(MAX_NEIGHBOURS).fill(null);
+    this.blendedFrom = Array.from({ length: MAX_NEIGHBOURS }, () => null);
     this.weights = new Float32Array(MAX_NEIGHBOURS);
     this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
     this.countsBack = new ReadBack(gl, this.counts);
@@ -66,7 +66,7 @@ export class Targets implements Disposable {
     this.countsBack[Symbol.dispose]();
     this.gridBack[Symbol.dispose]();
     for (const target of [
-      this.live, ...this.views.map(({ target }) => target), this.view, this.result, this.counts,
+      this.live, ...this.views.map((rendered) => rendered.target), this.view, this.result, this.counts,
       this.grid, this.shown, this.shownBefore,
     ]) target[Symbol.dispose]();
   }

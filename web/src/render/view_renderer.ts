@@ -12,7 +12,6 @@ import { TEXTURE_COLS } from '../mpi/decode';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import { TILE_PX } from '../mpi/mpi_file';
 import type { LiveFrame } from '../sources/frame_source';
-import { ViewWeights, type Among, type ChosenViews } from '../view_weights';
 import { MAX_NEIGHBOURS, SETTLING_S, type Options } from '../wire';
 import blendFragment from './blend.frag.glsl?raw';
 import compareFragment from './compare.frag.glsl?raw';
@@ -22,6 +21,7 @@ import { exposureGain, GAIN_STRIDE } from './exposure';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
+import { NearViews } from './near_views';
 import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
 import settleFragment from './settle.frag.glsl?raw';
@@ -52,8 +52,6 @@ export interface Seen {
   readonly viewIds: readonly string[];
 }
 
-/** Until a view is on the card, its scene is taken to be as deep as this. */
-const USUAL_DEPTH_M = 1.5;
 /**
  * What is shown follows what is measured: with this time constant a pixel gets red within 0.28 s,
  * and changes at most every 0.22 s, which is less than three flashes a second.
@@ -64,13 +62,6 @@ const GAIN_EVERY_FRAMES = 6;
 
 const NOTHING: Seen = { peakedShare: null, missingShare: null, viewIds: [] };
 
-/** The views that a frame is rendered from, best first; the first `count` of each list count. */
-interface Near {
-  count: number;
-  readonly mpis: GpuMpi[];
-  readonly weights: Float64Array;
-}
-
 export class ViewRenderer implements Disposable {
   readonly #gl: WebGL2RenderingContext;
   readonly #options: Options;
@@ -80,21 +71,16 @@ export class ViewRenderer implements Disposable {
   readonly #units = Int32Array.from({ length: MAX_NEIGHBOURS }, (_, i) => i);
   readonly #projection = newProjection();
   readonly #small = pinholeScratch();
-  readonly #weights = new ViewWeights(MAX_NEIGHBOURS);
-  readonly #near: Near = { count: 0, mpis: [], weights: new Float64Array(MAX_NEIGHBOURS) };
-  readonly #viewIds: string[] = [];
-  readonly #seen: { -readonly [K in keyof Seen]: Seen[K] } = { ...NOTHING, viewIds: this.#viewIds };
-  /** Of all views: 1 where the MPI is on the card. */
-  #here = new Uint8Array(16);
+  readonly #near: NearViews;
+  readonly #seen: { -readonly [K in keyof Seen]: Seen[K] };
   /** For each of `#near`, where it is rendered to. */
-  readonly #places: (RenderedView | null)[] = new Array<RenderedView | null>(MAX_NEIGHBOURS).fill(null);
+  readonly #places: (RenderedView | null)[] = Array.from({ length: MAX_NEIGHBOURS }, () => null);
   readonly #gain = new Float32Array([1, 1, 1]);
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
   #peakedShare: number | null = null;
   #missingShare: number | null = null;
-  #sceneDepth_m = USUAL_DEPTH_M;
   #lastTime_ms = 0;
   #frame = 0;
 
@@ -105,6 +91,8 @@ export class ViewRenderer implements Disposable {
     }
     this.#gl = gl;
     this.#options = options;
+    this.#near = new NearViews(options);
+    this.#seen = { ...NOTHING, viewIds: this.#near.ids };
     const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
     this.#programs = {
       mpi: new Program(gl, mpiVertex, mpiFragment),
@@ -137,7 +125,8 @@ export class ViewRenderer implements Disposable {
     gl.disable(gl.BLEND);
     const targets = this.#targetsFor(camera);
     this.#takeReadBacks(targets);
-    const near = this.#chooseViews(store, camera);
+    const near = this.#near;
+    near.choose(store, camera);
     if (near.count === 0) {
       this.#peakedShare = null;
       this.#missingShare = null;
@@ -193,61 +182,6 @@ export class ViewRenderer implements Disposable {
     this.#targets = null;
   }
 
-  /** The K nearest of all views; while some of them are still on their way, the best that are here. */
-  #chooseViews(store: MpiStore, camera: Camera): Near {
-    const { views, cameras } = store;
-    const near = this.#near;
-    near.count = 0;
-    if (views.length > 0) {
-      this.#weights.measure(cameras, camera);
-      const closest = views[this.#weights.closest];
-      const depth_m = closest === undefined ? undefined : store.want(closest.id)?.medianDepth_m;
-      this.#sceneDepth_m = depth_m ?? this.#sceneDepth_m;
-      const wanted = this.#choose(null);
-      this.#take(this.#allWanted(store, wanted) ? wanted : this.#choose(this.#residents(store)), store);
-    }
-    this.#viewIds.length = near.count;
-    return near;
-  }
-
-  /** Asks for each; false while one is not on the card. */
-  #allWanted(store: MpiStore, { count, index }: ChosenViews): boolean {
-    let all = true;
-    for (let k = 0; k < count; k += 1) {
-      const view = store.views[index[k] ?? -1];
-      if (view === undefined || store.want(view.id) === null) all = false;
-    }
-    return all;
-  }
-
-  #residents(store: MpiStore): Uint8Array {
-    const { views } = store;
-    if (this.#here.length < views.length) this.#here = new Uint8Array(2 * views.length);
-    for (let i = 0; i < views.length; i += 1) {
-      this.#here[i] = store.resident(views[i]?.id ?? '') === null ? 0 : 1;
-    }
-    return this.#here;
-  }
-
-  #take({ count, index, weight }: ChosenViews, store: MpiStore): void {
-    const near = this.#near;
-    for (let k = 0; k < count; k += 1) {
-      const view = store.views[index[k] ?? -1];
-      const mpi = view === undefined ? null : store.resident(view.id);
-      if (view === undefined || mpi === null) continue;
-      this.#viewIds[near.count] = view.id;
-      near.mpis[near.count] = mpi;
-      near.weights[near.count] = weight[k] ?? 0;
-      near.count += 1;
-    }
-  }
-
-  #choose(among: Among): ChosenViews {
-    const { neighbours, blend_weights } = this.#options;
-    return blend_weights === 'paper' ? this.#weights.byDistance(neighbours, among)
-      : this.#weights.byOverlap(this.#sceneDepth_m, neighbours, among);
-  }
-
   #targetsFor(camera: Camera): Targets {
     const { width_px, height_px } = camera.pinhole;
     const scale = Math.sqrt(this.#options.pixels / (width_px * height_px));
@@ -277,7 +211,7 @@ export class ViewRenderer implements Disposable {
    * Where each MPI is rendered to. One that is there already, for this very camera, keeps its place
    * and need not be rendered again: a phone that is held by a tripod, a recording that is stopped.
    */
-  #findPlaces({ count, mpis }: Near, camera: Camera, targets: Targets): void {
+  #findPlaces({ count, mpis }: NearViews, camera: Camera, targets: Targets): void {
     if (this.#hasMoved(camera)) for (const view of targets.views) view.mpi = null;
     const places = this.#places.fill(null);
     for (const view of targets.views) {
@@ -312,7 +246,7 @@ export class ViewRenderer implements Disposable {
   }
 
   /** Returns whether the view is another one than before. */
-  #renderAndBlend(near: Near, camera: Camera, targets: Targets): boolean {
+  #renderAndBlend(near: NearViews, camera: Camera, targets: Targets): boolean {
     this.#findPlaces(near, camera, targets);
     let changed = false;
     for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {

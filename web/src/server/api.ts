@@ -3,11 +3,13 @@
  * nothing here knows the token after `pair`.
  */
 
-import type {
-  Capture, NewSession, PeakedSample, PeakedSamples, RecordingIndex, ServerInfo, Session,
-  SessionChange, SessionSummary,
+import { integer, list, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
+import {
+  captureSchema, peakedSamplesSchema, problemSchema, PROTOCOL, recordingIndexSchema,
+  serverInfoSchema, sessionSchema, sessionSummarySchema, type Capture, type NewSession,
+  type PeakedSample, type PeakedSamples, type RecordingIndex, type ServerInfo, type Session,
+  type SessionChange, type SessionSummary,
 } from '../wire';
-import { PROTOCOL } from '../wire';
 
 /** The server refused, or did not answer (`status` 0). `problem` is a sentence for people. */
 export class ApiError extends Error {
@@ -23,6 +25,13 @@ export class ApiError extends Error {
     readonly body = '',
   ) {
     super(problem);
+  }
+}
+
+/** The server's words are not those of this page's version. */
+export class NotUnderstood extends ApiError {
+  constructor(problem: string) {
+    super(0, problem);
   }
 }
 
@@ -51,8 +60,9 @@ interface Request {
   readonly signal?: AbortSignal | undefined;
 }
 
-const NO_ANSWER = 'The server does not answer. Is it running, and is this device in its network?';
-const NOT_OURS = 'Something that is not the peaking server answered (a Wi-Fi login page?).';
+const NO_ANSWER = 'The server does not answer. Check that it is running and that this device is in the '
+  + 'same network.';
+const NOT_OURS = 'Something other than the peaking server answered (perhaps a Wi-Fi login page).';
 
 export class Api {
   readonly #fetch: typeof fetch;
@@ -68,12 +78,14 @@ export class Api {
 
   /** @throws ApiError also when the server speaks another version of the protocol. */
   async server(): Promise<ServerInfo> {
-    const info = await this.#json<ServerInfo>('GET', '/server');
-    if (info.protocol !== PROTOCOL) {
-      throw new ApiError(0, `The server speaks version ${info.protocol} of the protocol and this `
-        + `page version ${PROTOCOL}: reload the page, or update the older of the two.`);
+    const text = await this.#text('GET', '/server');
+    // Looked at first: all else may be different in another version.
+    const { protocol } = parsed(spokenSchema, text);
+    if (protocol !== PROTOCOL) {
+      throw new ApiError(0, `The server speaks version ${protocol} of the protocol, this page `
+        + `version ${PROTOCOL}. Reload the page, or update the older of the two.`);
     }
-    return info;
+    return parsed(serverInfoSchema, text);
   }
 
   /** @param path Of what is paired with; the study's console has a token of its own. */
@@ -105,11 +117,14 @@ export class Api {
     return true;
   }
 
-  /** Ask for JSON at an address of the study's pages; null where there is nothing to say. */
-  async ask<T>(method: string, path: string, json?: object): Promise<T | null> {
-    const request = json === undefined ? {} : { json };
-    const response = await this.#ask(method, path, request);
-    return response.status === 204 ? null : await this.#parsed<T>(response);
+  /** Ask for JSON at an address of an extension. */
+  ask<T>(method: string, path: string, schema: Schema<T>, json?: object): Promise<T> {
+    return this.#json(method, path, schema, json === undefined ? {} : { json });
+  }
+
+  /** Tell something that is answered by its status alone. */
+  async tell(method: string, path: string, json: object): Promise<void> {
+    await this.#ask(method, path, { json });
   }
 
   /** Server-sent events of an address, as bytes. */
@@ -118,20 +133,20 @@ export class Api {
   }
 
   sessions(): Promise<readonly SessionSummary[]> {
-    return this.#json('GET', '/sessions');
+    return this.#json('GET', '/sessions', summariesSchema);
   }
 
   /** Begin a session, or find it again: the same id is the same session. */
-  beginSession(session: NewSession): Promise<Session> {
-    return this.#json('POST', '/sessions', { json: session });
+  beginSession(sessionId: string, session: NewSession): Promise<Session> {
+    return this.#json('PUT', sessionPath(sessionId), sessionSchema, { json: session });
   }
 
   session(sessionId: string): Promise<Session> {
-    return this.#json('GET', sessionPath(sessionId));
+    return this.#json('GET', sessionPath(sessionId), sessionSchema);
   }
 
   changeSession(sessionId: string, change: SessionChange): Promise<SessionSummary> {
-    return this.#json('PATCH', sessionPath(sessionId), { json: change });
+    return this.#json('PATCH', sessionPath(sessionId), sessionSummarySchema, { json: change });
   }
 
   /**
@@ -141,7 +156,7 @@ export class Api {
   async uploadCapture(
     sessionId: string, captureId: string, body: Blob, signal?: AbortSignal,
   ): Promise<Capture> {
-    return this.#capture('POST', sessionId, captureId, { body, bulk: true, signal });
+    return this.#capture('PUT', sessionId, captureId, { body, bulk: true, signal });
   }
 
   /** Undo. May be repeated. @throws ApiError 404 when the server never had it. */
@@ -156,17 +171,20 @@ export class Api {
     return this.#bytes(`${capturePath(sessionId, captureId)}/mpi/${version}`, signal);
   }
 
-  postPeaked(sessionId: string, samples: readonly PeakedSample[]): Promise<unknown> {
+  /** May be repeated: a sample is known by its time. */
+  putPeaked(
+    sessionId: string, batchId: string, samples: readonly PeakedSample[],
+  ): Promise<void> {
     const json: PeakedSamples = { samples };
-    return this.#ask('POST', `${sessionPath(sessionId)}/peaked`, { json });
+    return this.tell('PUT', `${sessionPath(sessionId)}/peaked/${encodeURIComponent(batchId)}`, json);
   }
 
   peaked(sessionId: string): Promise<PeakedSamples> {
-    return this.#json('GET', `${sessionPath(sessionId)}/peaked`);
+    return this.#json('GET', `${sessionPath(sessionId)}/peaked`, peakedSamplesSchema);
   }
 
   recording(name: string): Promise<RecordingIndex> {
-    return this.#json('GET', recordingPath(name));
+    return this.#json('GET', recordingPath(name), recordingIndexSchema);
   }
 
   async recordedPhoto(name: string, index: number, signal?: AbortSignal): Promise<Blob> {
@@ -221,7 +239,8 @@ export class Api {
   async #capture(
     method: string, sessionId: string, captureId: string, request: Request,
   ): Promise<Capture> {
-    const capture = await this.#json<Capture>(method, capturePath(sessionId, captureId), request);
+    const path = capturePath(sessionId, captureId);
+    const capture = await this.#json(method, path, captureSchema, request);
     // A photo is thrown away on the strength of this answer, so it must be the answer to it.
     if (capture.id !== captureId) throw new ApiError(0, NOT_OURS);
     return capture;
@@ -243,19 +262,16 @@ export class Api {
     return read(response.arrayBuffer());
   }
 
-  async #json<T>(method: string, path: string, request: Request = {}): Promise<T> {
-    return this.#parsed(await this.#ask(method, path, request));
+  async #json<T>(
+    method: string, path: string, schema: Schema<T>, request: Request = {},
+  ): Promise<T> {
+    return parsed(schema, await this.#text(method, path, request));
   }
 
-  async #parsed<T>(response: Response): Promise<T> {
-    const text = await read(response.text());
-    try {
-      const value: unknown = JSON.parse(text);
-      if (typeof value === 'object' && value !== null) return value as T;
-    } catch {
-      // Falls through: a page of HTML where JSON should be.
-    }
-    throw new ApiError(0, NOT_OURS);
+  async #text(method: string, path: string, request: Request = {}): Promise<string> {
+    const response = await this.#ask(method, path, request);
+    if (!isJson(response)) throw new ApiError(0, NOT_OURS);
+    return read(response.text());
   }
 
   #ask(method: string, path: string, request: Request): Promise<Response> {
@@ -278,6 +294,24 @@ export class Api {
     if (!response.ok) throw await refusal(response);
     return response;
   }
+}
+
+const spokenSchema = record<{ readonly protocol: number }>({ protocol: integer() });
+const summariesSchema = list(sessionSummarySchema);
+
+/** What the server said, when it is what this page expects. @throws NotUnderstood */
+export function parsed<T>(schema: Schema<T>, text: string): T {
+  try {
+    return parseJson(schema, text);
+  } catch (error) {
+    if (!(error instanceof SchemaError)) throw error;
+    throw new NotUnderstood(`This page does not understand the server (${error.message}). Reload `
+      + 'the page.');
+  }
+}
+
+function isJson(response: Response): boolean {
+  return /^application\/(problem\+)?json\b/.test(response.headers.get('Content-Type') ?? '');
 }
 
 function sessionPath(sessionId: string): string {
@@ -305,29 +339,24 @@ async function read<T>(promise: Promise<T>): Promise<T> {
 async function refusal(response: Response): Promise<ApiError> {
   const text = await response.text().catch(() => '');
   const retryAfter_s = Number.parseFloat(response.headers.get('Retry-After') ?? '');
-  return new ApiError(response.status, problemIn(text) ?? sentenceOf(response.status),
+  return new ApiError(response.status, detailIn(text) ?? sentenceOf(response.status),
     Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null,
     response.status === 422 ? text : '');
 }
 
-function problemIn(text: string): string | null {
-  try {
-    const body: unknown = JSON.parse(text);
-    const problem: unknown = typeof body === 'object' && body !== null && 'problem' in body
-      ? body.problem : null;
-    return typeof problem === 'string' && problem !== '' ? problem : null;
-  } catch {
-    return null;
-  }
+/** Null where something else than this server refused. */
+function detailIn(text: string): string | null {
+  const detail = parseKept(problemSchema, text)?.detail ?? '';
+  return detail === '' ? null : detail;
 }
 
 function sentenceOf(status: number): string {
   switch (status) {
-    case 401: return 'This browser is not paired with the server: open the link, or scan the QR '
-      + 'code, that the server shows.';
-    case 404: return 'The server does not have this.';
-    case 413: return 'The photo is larger than the server takes.';
+    case 401: return 'This browser is not paired with the server. Open the link or scan the QR '
+      + 'code that the server shows.';
+    case 404: return 'The server does not have this page or file.';
+    case 413: return 'The photo is too large for the server.';
     case 507: return "The server's disk is full.";
-    default: return `The server answered with status ${status} and said no more.`;
+    default: return `The server answered with status ${status}, without an explanation.`;
   }
 }

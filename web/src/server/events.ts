@@ -6,8 +6,11 @@
  * hides the server's pings, by whose absence a connection that died in silence is known.
  */
 
-import { SILENCE_S, type ServerEvent, type SessionEvent } from '../wire';
-import { ApiError, type Api, type Role } from './api';
+import type { Schema } from '../schema';
+import {
+  serverEventSchema, sessionEventSchema, SILENCE_S, type ServerEvent, type SessionEvent,
+} from '../wire';
+import { ApiError, NotUnderstood, parsed, type Api, type Role } from './api';
 import { EventStreamReader } from './event_stream';
 import { backoff_ms, browserPacing, type Pacing } from './pacing';
 
@@ -15,7 +18,7 @@ export type Connection = 'connecting' | 'online' | 'offline';
 
 export interface EventsListener<Event> {
   onEvent(event: Event): void;
-  /** `refusal` is given when it is offline because the server answered 400 or above. */
+  /** `refusal` is given when it is offline because of what the server said. */
   onConnection(connection: Connection, refusal: ApiError | null): void;
 }
 
@@ -35,7 +38,7 @@ export function sessionEvents(
   options: EventsOptions = {},
 ): Promise<void> {
   return followEvents((open) => api.sessionEventBytes(sessionId, open, options.role),
-    listener, signal, options);
+    sessionEventSchema, listener, signal, options);
 }
 
 /** Follow the list of sessions until the signal aborts; then resolves. */
@@ -43,12 +46,13 @@ export function serverEvents(
   api: Api, listener: EventsListener<ServerEvent>, signal: AbortSignal,
   options: EventsOptions = {},
 ): Promise<void> {
-  return followEvents((open) => api.serverEventBytes(open), listener, signal, options);
+  return followEvents(
+    (open) => api.serverEventBytes(open), serverEventSchema, listener, signal, options);
 }
 
 /** Follow any stream of events until the signal aborts; `open` begins it. */
 export async function followEvents<Event>(
-  open: (signal: AbortSignal) => Promise<ReadableStream<Uint8Array>>,
+  open: (signal: AbortSignal) => Promise<ReadableStream<Uint8Array>>, schema: Schema<Event>,
   listener: EventsListener<Event>, signal: AbortSignal, options: EventsOptions = {},
 ): Promise<void> {
   const pacing = options.pacing ?? browserPacing;
@@ -63,11 +67,11 @@ export async function followEvents<Event>(
     network?.addEventListener('offline', drop);
     try {
       const bytes = await open(connection.signal);
-      failures = 0;
       listener.onConnection('online', null);
-      await readEvents(bytes, listener, connection, pacing);
+      await readEvents(bytes, schema, listener, connection, pacing);
+      failures = 0;
     } catch (error) {
-      if (error instanceof ApiError && error.status > 0) refusal = error;
+      if (error instanceof ApiError && (error.status > 0 || error instanceof NotUnderstood)) refusal = error;
       else if (!(error instanceof ApiError) && !isAbort(error)) throw error;
     } finally {
       signal.removeEventListener('abort', drop);
@@ -82,7 +86,7 @@ export async function followEvents<Event>(
 }
 
 async function readEvents<Event>(
-  bytes: ReadableStream<Uint8Array>, listener: EventsListener<Event>,
+  bytes: ReadableStream<Uint8Array>, schema: Schema<Event>, listener: EventsListener<Event>,
   connection: AbortController, pacing: Pacing,
 ): Promise<void> {
   const reader = bytes.getReader();
@@ -99,7 +103,7 @@ async function readEvents<Event>(
     heard.abort();
     if (piece === null || piece.done || connection.signal.aborted) return;
     for (const data of events.push(decoder.decode(piece.value, { stream: true }))) {
-      listener.onEvent(JSON.parse(data) as Event);
+      listener.onEvent(parsed(schema, data));
     }
   }
 }

@@ -4,6 +4,7 @@ import { Api } from '../server/api';
 import { serverEvents, sessionEvents } from '../server/events';
 import { make } from '../ui/dom';
 import { PAPER_PERCENT, percent } from '../ui/share_graph';
+import { viewsText } from '../ui/words';
 import type { PeakedSample, ServerEvent, Session, SessionEvent, SessionSummary } from '../wire';
 import { drawShares } from './share_chart';
 import { drawTopView, topViewOf } from './top_view';
@@ -48,7 +49,7 @@ function drawList(): void {
   const items = newest().map((summary) => {
     const item = make('button', { type: 'button', onclick: () => { location.hash = summary.id; } },
       make('b', { className: summary.live ? 'live' : '' }, summary.name),
-      make('span', { className: 'quiet' }, `${viewsOf(summary)} · ${percent(summary.peaked_share)} red · `
+      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · ${percent(summary.peaked_share)} red · `
         + whenOf(summary)));
     item.setAttribute('aria-current', String(summary.id === shown?.id));
     return item;
@@ -107,7 +108,7 @@ function drawDetail(): void {
   const { summary, captures } = session;
   const rename = make('button', { type: 'button' }, 'Rename');
   rename.onclick = () => {
-    const name = prompt('Name of the session', summary.name)?.trim();
+    const name = prompt('Session name', summary.name)?.trim();
     if (name !== undefined && name !== '') void api.changeSession(id, { name });
   };
   const photos = captures.map((capture) => make('a', {
@@ -119,24 +120,20 @@ function drawDetail(): void {
   make('span', {}, String(capture.number))));
   elementOf('detail').replaceChildren(
     make('h1', {}, summary.name),
-    make('div', { className: 'quiet' }, `${viewsOf(summary)}, ${summary.ready} part of the picture`
+    make('div', { className: 'quiet' }, `${viewsText(summary.captures)}, ${summary.ready} ready`
       + `${summary.finished ? ', finished' : ''} · folder ${summary.folder}`),
     make('div', { className: 'row' },
       make('a', { className: 'button primary', href: api.datasetUrl(id), download: '' },
         'Download the data set'),
       make('a', { className: 'button', href: `./?source=${summary.source === 'other' ? 'virtual'
-        : summary.source}&session=${id}` }, 'Go on capturing'), rename),
+        : summary.source}&session=${id}` }, 'Continue capturing'), rename),
     make('div', { className: 'cards' },
-      make('div', { className: 'card' }, make('h2', {}, 'From above'), make('div', { id: 'above' })),
-      make('div', { className: 'card' }, make('h2', {}, `Peaked share over time (dashed: ${PAPER_PERCENT})`),
+      make('div', { className: 'card' }, make('h2', {}, 'Seen from above'), make('div', { id: 'above' })),
+      make('div', { className: 'card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
         make('div', { id: 'shares' }))),
     make('div', { className: 'photos' }, ...photos),
   );
   drawCharts();
-}
-
-function viewsOf({ captures }: SessionSummary): string {
-  return captures === 1 ? '1 view' : `${captures} views`;
 }
 
 function whenOf({ created_s }: SessionSummary): string {

@@ -25,7 +25,7 @@ export function drawShares(
       + `<title>View ${c.number}</title></path>`);
   const label = (share: number): string =>
     `<text x="4" y="${y(share) + 7}" fill="#a9b0bb" font-size="20">${percent(share)}</text>`;
-  return `<svg viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label="Peaked share over time">
+  return `<svg viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label="Share of red over time">
     <path d="M${LEFT} ${y(PAPER_PEAKED_SHARE)}H${WIDTH - 6}" stroke="#a9b0bb" stroke-dasharray="5 6"/>
     ${marks.join('')}<path d="M${curve.join('L')}" fill="none" stroke="#ff4d4d" stroke-width="2.5"
     stroke-linejoin="round"/>${label(top)}${label(PAPER_PEAKED_SHARE)}

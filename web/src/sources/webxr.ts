@@ -88,12 +88,12 @@ async function run(
 
 async function requestSession(overlay: Element | null): Promise<XRSession> {
   if (!globalThis.isSecureContext) {
-    throw new SourceError('Browsers show the camera only to pages of https or localhost. Open the '
+    throw new SourceError('Browsers allow camera access only over https or on localhost. Open the '
       + 'https link that the server printed.');
   }
   if (navigator.xr === undefined) {
-    throw new SourceError('This browser has no WebXR. Use Chrome on an Android phone, or try the '
-      + 'virtual phone.');
+    throw new SourceError('This browser does not support WebXR. Use Chrome on an Android phone, or '
+      + 'try the virtual phone.');
   }
   try {
     return await navigator.xr.requestSession('immersive-ar', sessionInit(overlay));
@@ -106,16 +106,16 @@ async function requestSession(overlay: Element | null): Promise<XRSession> {
 function sentenceOf(name: string): string {
   switch (name) {
     case 'NotSupportedError':
-      return 'This device has no augmented reality with access to the camera. Install "Google Play '
-        + 'Services for AR" and use Chrome for Android; /check tells more.';
+      return 'This device does not support augmented reality with camera access. Install "Google '
+        + 'Play Services for AR" and use Chrome for Android. The page /check has details.';
     case 'SecurityError':
     case 'NotAllowedError':
-      return 'The camera was refused. Allow it in the settings of this page (the icon beside the '
-        + 'address), and start again.';
+      return 'Camera access was denied. Allow it in the settings of this page (the icon next to the '
+        + 'address), then start again.';
     case 'InvalidStateError':
-      return 'Another page uses augmented reality. Close it, and start again.';
+      return 'Another page is using augmented reality. Close it, then start again.';
     default:
-      return 'The camera could not be started; /check says what this browser can do.';
+      return 'The camera could not be started. The page /check shows what this browser supports.';
   }
 }
 

@@ -2,7 +2,7 @@
 
 import type { CapturedView } from '../capture/capture_session';
 import type { Camera } from '../geometry';
-import type { StepTimes } from '../timeline';
+import type { MilestoneTimes } from '../timeline';
 import type { Told } from './wire';
 
 const SAMPLE_EVERY_S = 1;
@@ -98,7 +98,7 @@ export class CaptureRecord {
 
   /** When views joined the picture. @param origin_s Seconds since 1970 at which `times` are 0. */
   joined(
-    captures: readonly { readonly id: string; readonly times: StepTimes }[], origin_s: number,
+    captures: readonly { readonly id: string; readonly times: MilestoneTimes }[], origin_s: number,
   ): void {
     const at = (ms: number | undefined): number | null =>
       ms === undefined ? null : origin_s + ms / 1000;

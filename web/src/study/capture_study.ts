@@ -34,7 +34,7 @@ export async function open(
   // The world of a phone's camera has another origin after a reload: a session of its own.
   const id = known === null || source === 'webxr' ? crypto.randomUUID() : known;
   if (id !== known && step.kind !== 'ask' && step.kind !== 'review') {
-    await own.beginSession({ step: step.key, session: id });
+    await own.beginSession(step.key, id);
   }
   return new StudyCapture(own, texts, id, step, query);
 }
@@ -163,7 +163,7 @@ class StudyCapture implements CaptureExtension {
     try {
       await persist(async () => {
         await this.#outbox.flush();
-        this.#follow(await this.api.finish({ step }));
+        this.#follow(await this.api.finish(step));
       }, () => this.#fill(false, make('p', { role: 'status' }, this.texts['not_saved'] ?? '')));
     } finally {
       this.#finishing = false;

@@ -4,11 +4,14 @@ import { Api, ApiError } from '../server/api';
 import { followEvents } from '../server/events';
 import { make } from '../ui/dom';
 import { percent } from '../ui/share_graph';
-import type { ConsoleState, NewParticipant, ParticipantLine, StepLine, TrialLine } from './wire';
+import {
+  consoleStateSchema, newParticipantSchema, participantStateSchema, type ConsoleState,
+  type ParticipantLine, type StepLine, type TrialLine,
+} from './wire';
 
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
-const COLD = 'The server compiles its kernels (once, half a minute): let nobody capture before.';
+const COLD = 'The server is warming up (about 30 s, first run only). Do not start a capture yet.';
 
 const api = new Api();
 let state: ConsoleState | null = null;
@@ -22,13 +25,15 @@ async function main(): Promise<void> {
   window.addEventListener('hashchange', draw);
   setInterval(tick, TICK_MS);
   void waitUntilWarm();
-  await followEvents<ConsoleState>((open) => api.eventBytes(`${CONSOLE}/events`, open), {
+  const open = (signal: AbortSignal): ReturnType<Api['eventBytes']> =>
+    api.eventBytes(`${CONSOLE}/events`, signal);
+  await followEvents(open, consoleStateSchema, {
     onEvent: (news) => { state = news; draw(); },
     onConnection: (connection, refusal) => {
       document.body.dataset['connection'] = connection;
       if (refusal === null) return;
       elementOf('detail').replaceChildren(make('p', {}, refusal.status === 401
-        ? 'This browser may not use the console: open the link that the server printed.'
+        ? 'This browser has no access to the console. Open the link that the server printed.'
         : refusal.problem));
     },
   }, new AbortController().signal);
@@ -65,9 +70,9 @@ function drawList(from: ConsoleState): void {
   const counting = from.participants.filter((one) => one.excluded === null);
   const done = counting.filter((one) => one.state === 'done').length;
   const add = make('button', { className: 'add', type: 'button' }, 'Add participant');
-  add.onclick = () => void order('POST', '/participants', undefined, add).then((answer) => {
-    const { participant } = (answer ?? {}) as Partial<NewParticipant>;
-    if (participant !== undefined) location.hash = participant;
+  add.onclick = () => void whileDisabled(add, async () => {
+    const added = await api.ask('POST', `${CONSOLE}/participants`, newParticipantSchema);
+    location.hash = added.participant;
   });
   const current = chosen(from)?.participant;
   const items = from.participants.map((one) => {
@@ -79,11 +84,11 @@ function drawList(from: ConsoleState): void {
     return item;
   });
   elementOf('list').replaceChildren(add,
-    make('p', { className: 'quiet' }, `${done} of ${from.planned} planned are done`), ...items);
+    make('p', { className: 'quiet' }, `${done} of ${from.planned} planned participants done`), ...items);
 }
 
 function oneLine(one: ParticipantLine): string {
-  if (one.excluded !== null) return `left out: ${one.excluded}`;
+  if (one.excluded !== null) return `excluded: ${one.excluded}`;
   if (one.state === 'done') return 'done';
   const step = one.steps.find((each) => each.key === one.current);
   return step === undefined ? '' : `${step.label}${step.state === 'running' ? '' : ', waiting'}`;
@@ -92,9 +97,9 @@ function oneLine(one: ParticipantLine): string {
 function drawDetail(from: ConsoleState): void {
   const one = chosen(from);
   if (one === null) {
-    elementOf('detail').replaceChildren(make('h1', {}, 'Nobody yet'), make('p', {},
-      'Add a participant: the program gives a pseudonym and the next order of the design. Write '
-      + 'nobody\'s name anywhere.'));
+    elementOf('detail').replaceChildren(make('h1', {}, 'No participants yet'), make('p', {},
+      'Add a participant. The program assigns a pseudonym and the next order of the design. Do '
+      + 'not write names anywhere.'));
     return;
   }
   // What is being typed or chosen must outlive the news of the next second.
@@ -122,11 +127,11 @@ function badge(one: ParticipantLine): HTMLElement {
 function now(one: ParticipantLine): HTMLElement {
   const step = one.steps.find((each) => each.key === one.current);
   if (one.excluded !== null) {
-    return make('div', { className: 'now' }, make('h2', {}, 'Left out'), make('p', {}, one.excluded));
+    return make('div', { className: 'now' }, make('h2', {}, 'Excluded'), make('p', {}, one.excluded));
   }
   if (step === undefined) {
     return make('div', { className: 'now running' }, make('h2', {}, 'Done'),
-      make('p', {}, 'Everything is on the disk. Take the phone back.'));
+      make('p', {}, 'All data is saved. Take the phone back.'));
   }
   const place = make('p', { className: 'quiet' }, placeOf(step, one));
   const clock = make('output', { className: 'clock' });
@@ -136,11 +141,11 @@ function now(one: ParticipantLine): HTMLElement {
     return make('div', { className: 'now' }, title, place,
       make('p', {}, 'The participant fills this in on the phone.'));
   }
-  const verb = step.state === 'waiting' ? 'start' : 'stop';
+  const waiting = step.state === 'waiting';
   const go = make('button', { className: 'primary', type: 'button', id: 'go' },
-    verb === 'start' ? `Start ${step.label.toLowerCase()}` : `Stop ${step.label.toLowerCase()}`);
-  go.onclick = () => void order('POST', `/participants/${one.participant}/${verb}`,
-    { step: step.key }, go);
+    `${waiting ? 'Start' : 'Stop'} ${step.label.toLowerCase()}`);
+  go.onclick = () => void order(
+    'PUT', `${stepPath(one, step)}/${waiting ? 'started' : 'finished'}`, undefined, go);
   return make('div', { className: `now ${step.state}` }, title, place, clock, go);
 }
 
@@ -184,11 +189,11 @@ function phoneCard(from: ConsoleState, one: ParticipantLine, open: boolean): HTM
 function stepsOf(one: ParticipantLine): HTMLElement[] {
   return one.steps.map((step) => {
     const again = make('button', { type: 'button', className: 'small', id: `again-${step.key}` }, 'Repeat');
-    again.title = `Do this and what came after it once more`;
+    again.title = 'Repeat this step and all later ones';
     again.onclick = () => {
-      const text = prompt(`Repeat "${step.label}" and what came after it. Why? It is recorded.`)?.trim();
+      const text = prompt(`Repeat "${step.label}" and all later steps. Why? The reason is recorded.`)?.trim();
       if (text !== undefined && text !== '') {
-        void order('POST', `/participants/${one.participant}/repeat`, { step: step.key, text }, again);
+        void order('POST', `${stepPath(one, step)}/repetitions`, { text }, again);
       }
     };
     const took = step.began_s != null && step.ended_s != null
@@ -203,18 +208,18 @@ function stepsOf(one: ParticipantLine): HTMLElement[] {
 
 function noteForm(one: ParticipantLine, typed: string): HTMLElement {
   const note = make('textarea', { id: 'note', rows: 2, value: typed });
-  const keep = make('button', { type: 'button', id: 'keep' }, 'Keep note');
+  const keep = make('button', { type: 'button', id: 'keep' }, 'Save note');
   keep.onclick = () => {
     const text = note.value.trim();
     if (text === '') return;
     note.value = '';
-    void order('POST', `/participants/${one.participant}/note`, { text }, keep);
+    void order('POST', `${pathOf(one)}/notes`, { text }, keep);
   };
-  const out = make('button', { type: 'button', className: 'small' }, 'Leave out of the study');
+  const out = make('button', { type: 'button', className: 'small' }, 'Exclude from the study');
   out.onclick = () => {
-    const text = prompt(`Leave ${one.participant} out of the analysis. Why? It is recorded.`)?.trim();
+    const text = prompt(`Exclude ${one.participant} from the analysis. Why? The reason is recorded.`)?.trim();
     if (text !== undefined && text !== '') {
-      void order('POST', `/participants/${one.participant}/exclude`, { text }, out);
+      void order('PUT', `${pathOf(one)}/excluded`, { text }, out);
     }
   };
   return make('div', { className: 'card' },
@@ -227,17 +232,31 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
 
 async function order(
   method: string, path: string, json: object | undefined, button: HTMLButtonElement,
-): Promise<unknown> {
+): Promise<void> {
+  await whileDisabled(button, () => api.ask(method, CONSOLE + path, participantStateSchema, json));
+}
+
+/** Pressed once is pressed once; what goes wrong is said at the top. */
+async function whileDisabled(
+  button: HTMLButtonElement, work: () => Promise<unknown>,
+): Promise<void> {
   button.disabled = true;
   try {
-    return await api.ask(method, CONSOLE + path, json);
+    await work();
   } catch (error) {
     const said = error instanceof ApiError ? error.problem : String(error);
     elementOf('remarks').replaceChildren(make('p', { role: 'alert' }, said));
-    return null;
   } finally {
     button.disabled = false;
   }
+}
+
+function pathOf(one: ParticipantLine): string {
+  return `/participants/${encodeURIComponent(one.participant)}`;
+}
+
+function stepPath(one: ParticipantLine, step: StepLine): string {
+  return `${pathOf(one)}/steps/${encodeURIComponent(step.key)}`;
 }
 
 /** Clocks run on; nothing else changes without news. */

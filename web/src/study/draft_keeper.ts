@@ -3,6 +3,7 @@
  * Only what changed is sent, so two tabs do not undo each other.
  */
 
+import { dictionary, list, nullable, number, parseKept, text, union } from '../schema';
 import { ApiError } from '../server/api';
 import type { Answer, Answers } from './study_api';
 
@@ -91,10 +92,8 @@ export class DraftKeeper {
   }
 }
 
-function parsed(text: string | null): Record<string, Answer> {
-  try {
-    return text === null ? {} : JSON.parse(text) as Record<string, Answer>;
-  } catch {
-    return {};
-  }
+const answersSchema = dictionary<Answer>(nullable(union(number(), text, list(text))));
+
+function parsed(kept: string | null): Record<string, Answer> {
+  return { ...parseKept(answersSchema, kept) };
 }

@@ -3,9 +3,10 @@
  * sending again is always right; the server keeps each once.
  */
 
+import { list, parseKept } from '../schema';
 import { ApiError } from '../server/api';
 import type { ParticipantApi } from './study_api';
-import { MAX_EVENTS, type Told } from './wire';
+import { MAX_EVENTS, toldSchema, type Told } from './wire';
 
 const EVERY_MS = 1000;
 
@@ -66,7 +67,8 @@ export class Outbox {
 
 /** The outbox of a capture session of a participant. */
 export function outboxOf(study: ParticipantApi, session: string): Outbox {
-  return new Outbox(prefixOf(study) + session, (events) => study.tell(session, events));
+  return new Outbox(prefixOf(study) + session, (events) =>
+    study.tell(crypto.randomUUID(), session, events));
 }
 
 /** Send what earlier pages of this participant could not; `own` is a session that has its outbox. */
@@ -82,9 +84,5 @@ function prefixOf(study: ParticipantApi): string {
 }
 
 function stored(text: string | null): Told[] {
-  try {
-    return text === null ? [] : JSON.parse(text) as Told[];
-  } catch {
-    return [];
-  }
+  return [...parseKept(list(toldSchema), text) ?? []];
 }

@@ -7,7 +7,7 @@ import { paragraphs, QuestionForm } from './form';
 import { sendLeftovers } from './outbox';
 import { persist, stepForm } from './step_form';
 import { fill, ParticipantApi, type Texts } from './study_api';
-import type { ParticipantState, Questionnaire, ShownStep } from './wire';
+import type { Item, ParticipantState, Questionnaire, ShownStep } from './wire';
 
 const query = new URLSearchParams(location.search);
 const page = elementOf('page');
@@ -75,8 +75,8 @@ function showProgress(state: ParticipantState, texts: Texts): void {
 
 /** Consent is a form like the others, so it has their keyboard, their summary and their marks. */
 function showConsent(study: ParticipantApi, step: ShownStep, texts: Texts): void {
-  const choice = (id: string, name: string, yes: string, no: string, optional = false) => ({
-    id, text: texts[name] ?? '', kind: 'choice' as const, optional,
+  const choice = (id: string, name: string, yes: string, no: string): Item => ({
+    id, text: texts[name] ?? '', kind: 'choice',
     choices: [{ value: 'yes', text: texts[yes] ?? '' }, { value: 'no', text: texts[no] ?? '' }],
   });
   const asked: Questionnaire = {

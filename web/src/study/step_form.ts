@@ -18,13 +18,13 @@ export function stepForm(
   study: ParticipantApi, step: ShownStep, texts: Texts, listener: StepFormListener,
 ): { readonly form: QuestionForm; readonly keeper: DraftKeeper } {
   const keeper = new DraftKeeper(`peaking.study.draft.${study.participant}.${step.key}`,
-    (answers) => study.draft({ step: step.key, answers }), (how) => listener.keeping(how));
+    (answers) => study.draft(step.key, answers), (how) => listener.keeping(how));
   const draft: Answers = { ...step.draft, ...keeper.unsent };
   const form = new QuestionForm(step.form as Questionnaire, texts, draft, {
     changed: (item, answer) => keeper.change(item, answer),
     handIn: (answers) => persist(async () => {
       try {
-        const state = await study.handIn({ step: step.key, answers });
+        const state = await study.handIn(step.key, answers);
         keeper.close();
         listener.done(state);
         return null;

@@ -1,10 +1,11 @@
 /** The study's addresses for a participant's phone, typed by `server/study/wire.py`. */
 
+import { dictionary, parseKept, text } from '../schema';
 import { ApiError, type Api } from '../server/api';
 import { followEvents, type EventsListener } from '../server/events';
-import type {
-  Answered, AnswersRefused, Consent, Draft, ParticipantState, SessionBegun, StepDone, Told,
-  ToldEvents,
+import {
+  answersRefusedSchema, participantStateSchema, type Answered, type Consent, type Draft,
+  type ParticipantState, type SessionBegun, type Told, type ToldEvents,
 } from './wire';
 
 export type Texts = Readonly<Record<string, string>>;
@@ -20,58 +21,64 @@ export class ParticipantApi {
   }
 
   texts(): Promise<Texts> {
-    return this.#ask('GET', '/study/texts');
+    return this.api.ask('GET', '/study/texts', dictionary(text));
   }
 
   state(): Promise<ParticipantState> {
-    return this.#ask('GET', this.#path);
+    return this.#ask('GET', '');
   }
 
   follow(listener: EventsListener<ParticipantState>, signal: AbortSignal): Promise<void> {
-    return followEvents((open) => this.api.eventBytes(`${this.#path}/events`, open), listener,
-      signal);
+    return followEvents((open) => this.api.eventBytes(`${this.#path}/events`, open),
+      participantStateSchema, listener, signal);
   }
 
   consent(consent: Consent): Promise<ParticipantState> {
-    return this.#ask('POST', `${this.#path}/consent`, consent);
+    return this.#ask('PUT', '/consent', consent);
   }
 
-  draft(draft: Draft): Promise<ParticipantState> {
-    return this.#ask('PUT', `${this.#path}/draft`, draft);
+  draft(step: string, answers: Answers): Promise<ParticipantState> {
+    const json: Draft = { answers };
+    return this.#ask('PATCH', `${stepPath(step)}/draft`, json);
   }
 
   /** @throws ApiError 422 when something is missing: `refusedItems` says what. */
-  handIn(answers: Answered): Promise<ParticipantState> {
-    return this.#ask('POST', `${this.#path}/answers`, answers);
+  handIn(step: string, answers: Answers): Promise<ParticipantState> {
+    const json: Answered = { answers };
+    return this.#ask('PUT', `${stepPath(step)}/answers`, json);
   }
 
-  finish(step: StepDone): Promise<ParticipantState> {
-    return this.#ask('POST', `${this.#path}/finish`, step);
+  finish(step: string): Promise<ParticipantState> {
+    return this.#ask('PUT', `${stepPath(step)}/finished`);
   }
 
-  beginSession(begun: SessionBegun): Promise<ParticipantState> {
-    return this.#ask('POST', `${this.#path}/session`, begun);
+  beginSession(step: string, session: string): Promise<ParticipantState> {
+    const json: SessionBegun = { session };
+    return this.#ask('PUT', `${stepPath(step)}/session`, json);
   }
 
-  async tell(session: string, events: readonly Told[]): Promise<void> {
+  /** May be repeated: each event is kept once. */
+  tell(batchId: string, session: string, events: readonly Told[]): Promise<void> {
     const json: ToldEvents = { session, events };
-    await this.api.ask('POST', `${this.#path}/told`, json);
+    return this.api.tell('PUT', `${this.#path}/told/${encodeURIComponent(batchId)}`, json);
   }
 
-  async #ask<T>(method: string, path: string, json?: object): Promise<T> {
-    const answer = await this.api.ask<T>(method, path, json);
-    if (answer === null) throw new ApiError(0, 'The server said nothing where it should have.');
-    return answer;
+  #ask(method: string, path: string, json?: object): Promise<ParticipantState> {
+    return this.api.ask(method, this.#path + path, participantStateSchema, json);
   }
+}
+
+function stepPath(step: string): string {
+  return `/steps/${encodeURIComponent(step)}`;
 }
 
 /** What is wrong with which item of a form that the server refused; null for another error. */
 export function refusedItems(error: unknown): Readonly<Record<string, string>> | null {
   if (!(error instanceof ApiError) || error.status !== 422) return null;
-  return (JSON.parse(error.body) as AnswersRefused).items;
+  return parseKept(answersRefusedSchema, error.body)?.items ?? null;
 }
 
 /** Fill the places of a text: `fill('Step {n}', { n: 2 })`. */
-export function fill(text: string, values: Readonly<Record<string, string | number>>): string {
-  return text.replace(/\{(\w+)\}/g, (all, name: string) => String(values[name] ?? all));
+export function fill(template: string, values: Readonly<Record<string, string | number>>): string {
+  return template.replace(/\{(\w+)\}/g, (all, name: string) => String(values[name] ?? all));
 }

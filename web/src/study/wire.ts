@@ -1,5 +1,9 @@
 // Generated from src/peaking/server/study/wire.py by `make wire`; do not edit.
-/* eslint-disable */
+
+import {
+  dictionary, flag, integer, list, nullable, number, oneOf, optional, record, tagged, text,
+  union, type Schema,
+} from '../schema';
 
 /** Characters of an answer in words. */
 export const MAX_TEXT = 10000;
@@ -71,38 +75,33 @@ export interface ParticipantState {
   readonly refused?: boolean;
 }
 
-/** POST …/consent. */
+/** PUT …/consent. */
 export interface Consent {
   readonly agreed: boolean;
   readonly images?: boolean;
 }
 
-/** PUT …/draft: the answers that were changed, and only those. */
+/** PATCH …/steps/{step}/draft: the answers that were changed, and only those. */
 export interface Draft {
-  readonly step: string;
   readonly answers: Readonly<Record<string, number | string | readonly string[] | null>>;
 }
 
-/** POST …/answers. */
+/** PUT …/steps/{step}/answers. */
 export interface Answered {
-  readonly step: string;
   readonly answers: Readonly<Record<string, number | string | readonly string[] | null>>;
 }
 
-/** The answer of status 422: what is wrong with which item (keys of the texts). */
+/** The problem of status 422: what is wrong with which item (keys of the texts). */
 export interface AnswersRefused {
-  readonly problem: string;
+  readonly type: string;
+  readonly title: string;
+  readonly status: number;
+  readonly detail: string;
   readonly items: Readonly<Record<string, string>>;
 }
 
-/** POST …/finish: the participant is done with a phase. */
-export interface StepDone {
-  readonly step: string;
-}
-
-/** POST …/session: the capture session of a step. */
+/** PUT …/steps/{step}/session: the capture session of a step. */
 export interface SessionBegun {
-  readonly step: string;
   readonly session: string;
 }
 
@@ -124,7 +123,7 @@ export interface Told {
   readonly value?: number | null;
 }
 
-/** POST …/told. */
+/** PUT …/told/{batch}; each event is kept once, in whatever batch it comes. */
 export interface ToldEvents {
   readonly session: string;
   readonly events: readonly Told[];
@@ -175,15 +174,9 @@ export interface ConsoleState {
   readonly participants: readonly ParticipantLine[];
 }
 
-/** POST …/start and …/stop of the console. */
-export interface StepOrder {
-  readonly step: string;
-}
-
-/** POST …/repeat, …/note and …/exclude of the console. */
+/** PUT …/excluded, POST …/notes and POST …/steps/{step}/repetitions of the console. */
 export interface Reason {
   readonly text: string;
-  readonly step?: string | null;
 }
 
 /** The answer to POST …/participants of the console. */
@@ -192,3 +185,137 @@ export interface NewParticipant {
 }
 
 export type StudyEvent = ParticipantState | ConsoleState;
+
+export const choiceSchema: Schema<Choice> = /* @__PURE__ */ record<Choice>({
+  value: text,
+  text: text,
+});
+
+export const itemSchema: Schema<Item> = /* @__PURE__ */ record<Item>({
+  id: text,
+  text: text,
+  kind: oneOf('choice', 'choices', 'number', 'rating', 'scale', 'text'),
+  points: optional(integer(2, 11)),
+  low: optional(text),
+  high: optional(text),
+  choices: optional(list(choiceSchema)),
+  smallest: optional(number()),
+  largest: optional(number()),
+  optional: optional(flag),
+  help: optional(text),
+  reversed: optional(flag),
+});
+
+export const questionnaireSchema: Schema<Questionnaire> = /* @__PURE__ */ record<Questionnaire>({
+  name: text,
+  title: text,
+  items: list(itemSchema, 1),
+  instruction: optional(text),
+  scoring: optional(oneOf('harus', 'items', 'mean', 'nasa_rtlx', 'nasa_tlx', 'sus')),
+  prefix: optional(nullable(text)),
+  source: optional(text),
+});
+
+export const captureSettingSchema: Schema<CaptureSetting> = /* @__PURE__ */ record<CaptureSetting>({
+  overlay: oneOf('none', 'peaks'),
+  guide: oneOf('none', 'plenoptic'),
+  area_side_m: nullable(number()),
+  session: nullable(text),
+});
+
+export const shownStepSchema: Schema<ShownStep> = /* @__PURE__ */ record<ShownStep>({
+  key: text,
+  kind: oneOf('ask', 'capture', 'consent', 'introduction', 'practice', 'review', 'scan'),
+  running: flag,
+  text: text,
+  form: optional(nullable(questionnaireSchema)),
+  draft: optional(dictionary(nullable(union(integer(), number(), text, list(text))))),
+  capture: optional(nullable(captureSettingSchema)),
+  over_camera: optional(flag),
+});
+
+export const participantStateSchema: Schema<ParticipantState> = /* @__PURE__ */ record<ParticipantState>({
+  type: oneOf('ParticipantState'),
+  participant: text,
+  title: text,
+  language: text,
+  step: nullable(shownStepSchema),
+  done: integer(),
+  total: integer(),
+  refused: optional(flag),
+});
+
+export const answersRefusedSchema: Schema<AnswersRefused> = /* @__PURE__ */ record<AnswersRefused>({
+  type: text,
+  title: text,
+  status: integer(),
+  detail: text,
+  items: dictionary(text),
+});
+
+export const toldSchema: Schema<Told> = /* @__PURE__ */ record<Told>({
+  kind: oneOf('CaptureBegun', 'CaptureEnded', 'GuideTold', 'PageGone', 'PeakedTold', 'TrackingFound', 'TrackingLost', 'ViewJoined', 'ViewTaken', 'ViewUndone'),
+  id: text,
+  step: text,
+  time_s: number(0, 100000000000),
+  capture: optional(nullable(text)),
+  world_from_cam: optional(nullable(list(number(), 0, 12))),
+  acknowledged_s: optional(nullable(number(0, 100000000000))),
+  generated_s: optional(nullable(number(0, 100000000000))),
+  peaked_share: optional(nullable(number(0, 1))),
+  missing_share: optional(nullable(number(0, 1))),
+  views: optional(nullable(integer(0, 1000000))),
+  until_s: optional(nullable(number(0, 100000000000))),
+  name: optional(nullable(text)),
+  value: optional(nullable(number())),
+});
+
+export const stepLineSchema: Schema<StepLine> = /* @__PURE__ */ record<StepLine>({
+  key: text,
+  kind: oneOf('ask', 'capture', 'consent', 'introduction', 'practice', 'review', 'scan'),
+  label: text,
+  state: oneOf('done', 'running', 'waiting'),
+  began_s: optional(nullable(number())),
+  ended_s: optional(nullable(number())),
+});
+
+export const trialLineSchema: Schema<TrialLine> = /* @__PURE__ */ record<TrialLine>({
+  key: text,
+  condition: text,
+  scene: text,
+  tct_s: nullable(number()),
+  nct_s: nullable(number()),
+  captures: integer(),
+  peaked_share: nullable(number()),
+  tracking_losses: integer(),
+});
+
+export const participantLineSchema: Schema<ParticipantLine> = /* @__PURE__ */ record<ParticipantLine>({
+  participant: text,
+  state: oneOf('done', 'excluded', 'running', 'waiting'),
+  current: nullable(text),
+  excluded: nullable(text),
+  images: flag,
+  on_phone: flag,
+  steps: list(stepLineSchema),
+  trials: list(trialLineSchema),
+  notes: list(text),
+});
+
+export const consoleStateSchema: Schema<ConsoleState> = /* @__PURE__ */ record<ConsoleState>({
+  type: oneOf('ConsoleState'),
+  title: text,
+  planned: integer(),
+  remarks: list(text),
+  phone_links: list(text),
+  participants: list(participantLineSchema),
+});
+
+export const newParticipantSchema: Schema<NewParticipant> = /* @__PURE__ */ record<NewParticipant>({
+  participant: text,
+});
+
+export const studyEventSchema: Schema<StudyEvent> = /* @__PURE__ */ tagged<StudyEvent>({
+  ParticipantState: participantStateSchema,
+  ConsoleState: consoleStateSchema,
+});

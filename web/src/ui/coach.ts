@@ -1,4 +1,4 @@
-/** Four steps, taken by doing them: shoot – move – shoot the red – see it go. */
+/** Four tasks, solved by doing them: take a view, move, take one where it is red, see the red go. */
 
 export interface CoachMoment {
   views: number;
@@ -7,11 +7,11 @@ export interface CoachMoment {
   peakedShare: number | null;
 }
 
-export const STEPS = [
-  { title: 'Take a first view', text: 'Press the round button. Hold still for that.' },
-  { title: 'Now move', text: 'Walk a step aside. What this view cannot show turns red.' },
-  { title: 'Press where it is red', text: 'Another view from here teaches the model what is missing.' },
-  { title: 'The red goes', text: 'Go on until nothing is red from wherever you look, then finish.' },
+export const TASKS = [
+  { title: 'Take a first view', text: 'Hold still and press the round button.' },
+  { title: 'Now move', text: 'Take a step sideways. What your view does not show turns red.' },
+  { title: 'Capture where it is red', text: 'Another view from here adds what is missing.' },
+  { title: 'The red disappears', text: 'Keep going until no red remains, then press Finish.' },
 ] as const;
 
 /** Peaked share at which a beginner notices the red. */
@@ -20,15 +20,15 @@ const MUCH_RED = 0.06;
 const GONE = 0.8;
 
 export class Coach {
-  /** Index of the step to take; `STEPS.length` when all are taken. */
-  step = 0;
+  /** Index of the current task; `TASKS.length` when all are done. */
+  task = 0;
   #viewsBefore = 0;
   #redBefore = 0;
 
-  /** Tell what is; moves on when a step has been taken. */
+  /** Tell what is; moves on when a task is done. */
   update(now: Readonly<CoachMoment>): void {
     const red = now.peakedShare ?? 0;
-    switch (this.step) {
+    switch (this.task) {
       case 0:
         if (now.ready > 0) this.#next(now);
         break;
@@ -50,15 +50,15 @@ export class Coach {
 
   /** From the beginning. */
   restart(): void {
-    this.step = 0;
+    this.task = 0;
   }
 
   get done(): boolean {
-    return this.step >= STEPS.length;
+    return this.task >= TASKS.length;
   }
 
   #next(now: Readonly<CoachMoment>): void {
-    this.step += 1;
+    this.task += 1;
     this.#viewsBefore = now.views;
   }
 }

@@ -3,6 +3,7 @@
 import type { GuideKind } from '../guidance/guide_options';
 import type { GuideState } from '../guidance/guide_session';
 import { button, make, say, show } from './dom';
+import { viewsText } from './words';
 
 export interface GuideActions {
   place(): void;
@@ -16,23 +17,23 @@ const EVERY_MS = 300;
 const MIN_SAID_M = 0.005;
 
 const ASKS: Readonly<Record<GuideKind, (state: GuideState) => string>> = {
-  plenoptic: ({ bound }) => (bound === null ? '' : `asks for ${bound.numViews} views: `
-    + `${bound.viewsPerSide} × ${bound.viewsPerSide}, ${cm(bound.pitch_m)} apart`),
-  planes: ({ bound }) => (bound === null ? '' : `asks for planes of `
-    + `${bound.viewsPerSide} × ${bound.viewsPerSide}, ${cm(bound.pitch_m)} apart`),
-  hemisphere: () => 'the views go around what you look at when you place them',
+  plenoptic: ({ bound }) => (bound === null ? '' : `At least ${viewsText(bound.numViews)} needed: `
+    + `a grid of ${bound.viewsPerSide} × ${bound.viewsPerSide}, ${cm(bound.pitch_m)} apart`),
+  planes: ({ bound }) => (bound === null ? '' : `Planes needed: `
+    + `${bound.viewsPerSide} × ${bound.viewsPerSide} views each, ${cm(bound.pitch_m)} apart`),
+  hemisphere: () => 'The targets surround the point that you look at when you place them',
 };
 
 export class GuidePanel {
   readonly #number = make('strong', {}, '–');
   readonly #unit = make('small');
-  readonly #bar = make('progress', { max: 1, value: 0, ariaLabel: 'Targets taken' });
+  readonly #bar = make('progress', { max: 1, value: 0, ariaLabel: 'Targets done' });
   readonly #text = make('p', { role: 'status' });
   readonly #place = button('pill', 'Place the targets', 'Place the targets here (space)', () =>
     this.#actions.place());
-  readonly #again = button('pill', 'Scan again', 'Forget the targets and scan again', () =>
+  readonly #again = button('pill', 'Scan again', 'Remove the targets and scan again', () =>
     this.#actions.scanAgain());
-  readonly #auto = button('pill', 'Auto', 'Take a view by itself at each target', () => {
+  readonly #auto = button('pill', 'Auto', 'Take a view automatically at each target', () => {
     this.#actions.setAutoShutter(this.#auto.ariaPressed !== 'true');
   });
   readonly #actions: GuideActions;
@@ -57,7 +58,7 @@ export class GuidePanel {
     const scanning = state.phase === 'scan';
     const total = state.takenBy.length;
     say(this.#number, scanning ? metres(state.zMin_m) : `${state.taken} / ${total}`);
-    say(this.#unit, scanning ? 'nearest thing' : 'targets');
+    say(this.#unit, scanning ? 'nearest depth' : 'targets');
     show(this.#bar, !scanning);
     this.#bar.value = total === 0 ? 0 : state.taken / total;
     say(this.#text, problem ?? this.#sentence(state));
@@ -72,12 +73,12 @@ export class GuidePanel {
   #sentence(state: GuideState): string {
     switch (state.phase) {
       case 'scan':
-        if (state.zMin_m === null) return 'Look at everything that is to be in the pictures, slowly.';
-        return `${sentenceCase(ASKS[this.kind](state))}. Then go to the middle and place them.`;
+        if (state.zMin_m === null) return 'Slowly look at everything that should be in the pictures.';
+        return `${ASKS[this.kind](state)}. Go to the centre and place the targets.`;
       case 'capture':
-        if (state.reach !== null) return 'Here. Hold still and take the view.';
-        return `Bring the rings together. Next: ${steps(state.toNext_m)}.`;
-      case 'done': return 'All targets are taken.';
+        if (state.reach !== null) return 'Hold still and take the view.';
+        return `Align the rings. Next target: ${steps(state.toNext_m)}.`;
+      case 'done': return 'All targets are done.';
       default: return state.phase satisfies never;
     }
   }
@@ -85,14 +86,14 @@ export class GuidePanel {
 
 /** "4 cm right, 2 cm down": the two largest steps to the next target. */
 export function steps(toNext_m: GuideState['toNext_m']): string {
-  if (toNext_m === null) return 'find the camera’s place first';
+  if (toNext_m === null) return 'waiting for tracking';
   const [right, down, ahead] = toNext_m;
   const named = ([
     [right, right > 0 ? 'right' : 'left'], [down, down > 0 ? 'down' : 'up'],
     [ahead, ahead > 0 ? 'forward' : 'back'],
   ] as const).filter(([step_m]) => Math.abs(step_m) >= MIN_SAID_M)
     .sort(([a], [b]) => Math.abs(b) - Math.abs(a)).slice(0, 2);
-  if (named.length === 0) return 'turn until the blue line is a point';
+  if (named.length === 0) return 'turn until the blue line becomes a point';
   return named.map(([step_m, where]) => `${cm(Math.abs(step_m))} ${where}`).join(', ');
 }
 
@@ -103,8 +104,4 @@ function metres(depth_m: number | null): string {
 function cm(length_m: number): string {
   const length_cm = 100 * length_m;
   return `${length_cm < 9.95 ? length_cm.toFixed(1) : length_cm.toFixed(0)} cm`;
-}
-
-function sentenceCase(text: string): string {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }

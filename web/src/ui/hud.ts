@@ -3,12 +3,15 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
-import { Coach, STEPS, type CoachMoment } from './coach';
+import { Coach, TASKS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
 import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
-import { finishSheet, settingsSheet, viewsSheet, type Sheet, type SheetActions } from './sheets';
+import {
+  finishSheet, settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions,
+} from './sheets';
+import { viewsText } from './words';
 
 export interface HudActions extends SheetActions {
   shoot(): void;
@@ -29,9 +32,9 @@ export interface HudState {
 }
 
 const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
-  ['mpi', 'Double', 'the digital double alone'],
-  ['video', 'Video + red', 'red over the live picture'],
-  ['peaks', 'Double + red', 'red over the digital double'],
+  ['mpi', 'Double', 'Digital double only'],
+  ['video', 'Video + red', 'Live video with red'],
+  ['peaks', 'Double + red', 'Digital double with red'],
 ];
 const COACH_SEEN = 'peaking.coach-seen';
 /** The number changes at most this often, so that it can be read. */
@@ -48,11 +51,11 @@ export class Hud {
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
   readonly #coachTitle = make('b');
   readonly #coachText = make('span');
-  readonly #coachSteps = make('ol', {}, ...STEPS.map(() => make('li')));
+  readonly #coachTasks = make('ol', {}, ...TASKS.map(() => make('li')));
   readonly #coachBox: HTMLElement;
   readonly #looks = new Map<Overlay, HTMLButtonElement>();
   readonly #strip = make('div', { className: 'strip' });
-  readonly #count = button('pill', '0 views', 'List of views', () => this.#open('views'));
+  readonly #count = button('pill', viewsText(0), 'List of views', () => this.#open('views'));
   readonly #shutter = button('shutter', '', 'Take a view (space)', () => this.#shoot());
   readonly #finish = button('pill', 'Finish', 'Finish the session', () => this.#open('finish'));
   readonly #red: readonly HTMLElement[];
@@ -78,15 +81,14 @@ export class Hud {
     this.#notice.ariaLive = 'polite';
     const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
       this.#graph);
-    meter.title = 'Share of pixels that the views so far cannot show; the dashed line is '
-      + PAPER_PERCENT;
+    meter.title = `Share of red pixels. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
     const tools = make('div', { className: 'tools' },
-      button('', '?', 'Show the steps again', () => this.#restartCoach()),
+      button('', '?', 'Show the introduction again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
-      this.#coachSteps, button('', '✕', 'Hide the steps', () => this.#endCoach()));
+      this.#coachTasks, button('', '✕', 'Hide the introduction', () => this.#endCoach()));
     // Without help everybody sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.step = STEPS.length;
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = TASKS.length;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -161,12 +163,12 @@ export class Hud {
     this.#shownViews = views;
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
-    say(this.#count, views.length === 1 ? '1 view' : `${views.length} views`);
+    say(this.#count, viewsText(views.length));
     this.#strip.replaceChildren(...views.map((view, i) => {
       const thumb = make('button', {
         className: `thumb ${view.state}`, type: 'button', onclick: () => this.#open('views'),
       }, make('img', { src: view.thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
-      thumb.ariaLabel = `View ${i + 1}: ${view.state}`;
+      thumb.ariaLabel = `View ${i + 1}: ${VIEW_STATES[view.state]}`;
       return thumb;
     }));
     this.#strip.scrollLeft = this.#strip.scrollWidth;
@@ -174,19 +176,19 @@ export class Hud {
   }
 
   #showCoach(state: HudState): void {
-    const before = this.#coach.step;
+    const before = this.#coach.task;
     this.#moment.peakedShare = state.peakedShare;
     this.#coach.update(this.#moment);
-    if (this.#coach.done && before < STEPS.length) this.#endCoach();
-    const step = STEPS[this.#coach.step];
-    show(this.#coachBox, step !== undefined && this.#sheet === null);
-    if (step === undefined) return;
-    say(this.#coachTitle, step.title);
-    say(this.#coachText, step.text);
-    if (before === this.#coach.step && this.#coachSteps.dataset['step'] === String(before)) return;
-    this.#coachSteps.dataset['step'] = String(this.#coach.step);
-    Array.from(this.#coachSteps.children).forEach((each, i) =>
-      each.classList.toggle('done', i <= this.#coach.step));
+    if (this.#coach.done && before < TASKS.length) this.#endCoach();
+    const task = TASKS[this.#coach.task];
+    show(this.#coachBox, task !== undefined && this.#sheet === null);
+    if (task === undefined) return;
+    say(this.#coachTitle, task.title);
+    say(this.#coachText, task.text);
+    if (before === this.#coach.task && this.#coachTasks.dataset['task'] === String(before)) return;
+    this.#coachTasks.dataset['task'] = String(this.#coach.task);
+    Array.from(this.#coachTasks.children).forEach((each, i) =>
+      each.classList.toggle('done', i <= this.#coach.task));
   }
 
   #restartCoach(): void {
@@ -194,7 +196,7 @@ export class Hud {
   }
 
   #endCoach(): void {
-    this.#coach.step = STEPS.length;
+    this.#coach.task = TASKS.length;
     store(COACH_SEEN, 'yes');
   }
 
@@ -241,8 +243,8 @@ export class Hud {
       controls.seek(Number(this.#scrub.value));
     };
     return [make('div', { className: 'player' }, this.#play,
-      button('', '‹', 'One frame back', () => controls.step(-1)),
-      button('', '›', 'One frame on', () => controls.step(1)), this.#scrub, this.#position)];
+      button('', '‹', 'Previous frame', () => controls.step(-1)),
+      button('', '›', 'Next frame', () => controls.step(1)), this.#scrub, this.#position)];
   }
 
   #showPlayer(): void {

@@ -3,6 +3,7 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look } from '../render/view_renderer';
 import { button, make } from './dom';
+import { viewsText } from './words';
 
 /** What the sheets ask of the page. */
 export interface SheetActions {
@@ -20,12 +21,12 @@ export interface Sheet {
   readonly update?: (views: readonly CapturedView[]) => void;
 }
 
-const STATES: Readonly<Record<CapturedView['state'], string>> = {
-  waiting: 'on this device, waiting for the server',
-  uploading: 'on its way to the server',
-  queued: 'on the server, its planes are being made',
-  ready: 'on the server, part of the picture',
-  failed: 'has a problem',
+export const VIEW_STATES: Readonly<Record<CapturedView['state'], string>> = {
+  waiting: 'waiting to upload',
+  uploading: 'uploading',
+  queued: 'processing',
+  ready: 'ready',
+  failed: 'failed',
 };
 
 function sheet(title: string, close: () => void, ...content: Node[]): HTMLElement {
@@ -48,12 +49,12 @@ export function viewsSheet(
   return { element: sheet('Views', close, list), update };
 }
 
-/** What is to be known of a view: its trouble, or its state and who made what is shown of it. */
+/** What is to be known of a view: its problem, or its state and the generator of its MPI. */
 export function viewNote(view: Pick<CapturedView, 'state' | 'problem' | 'generator' | 'guessed'>): string {
   if (view.problem !== null && view.state !== 'ready') return view.problem;
-  const notes = [STATES[view.state]];
+  const notes = [VIEW_STATES[view.state]];
   if (view.generator !== null) notes.push(`made by ${view.generator}`);
-  if (view.guessed) notes.push('distance guessed: take a view beside it');
+  if (view.guessed) notes.push('distance is a guess: take another view nearby');
   if (view.problem !== null) notes.push(view.problem);
   return notes.join(' · ');
 }
@@ -62,7 +63,7 @@ function viewItem(
   view: CapturedView, index: number, isLast: boolean, actions: SheetActions,
 ): HTMLElement {
   const undo = (): void => {
-    if (isLast || confirm(`Undo view ${index + 1}? The server keeps the photo aside.`)) {
+    if (isLast || confirm(`Undo view ${index + 1}? The server keeps its photo in the folder "removed".`)) {
       actions.undo(view.id);
     }
   };
@@ -86,13 +87,14 @@ export function settingsSheet(look: Look, actions: SheetActions, close: () => vo
   pattern.onchange = () => change({ pattern: pattern.checked });
   return {
     element: sheet('Settings', close,
-      slider('Error that counts as red', 0.05, 1.5, 0.01, look.threshold, (threshold) =>
+      slider('Error threshold', 0.05, 1.5, 0.01, look.threshold, (threshold) =>
         change({ threshold })),
-      slider('Strength of the red', 0.1, 1, 0.05, look.peakOpacity, (peakOpacity) =>
+      slider('Opacity of the red', 0.1, 1, 0.05, look.peakOpacity, (peakOpacity) =>
         change({ peakOpacity })),
-      make('label', {}, pattern, ' Stripes in place of red (for eyes that do not tell red apart)'),
-      make('p', {}, 'The error is the sum over red, green and blue of the difference between the '
-        + 'digital double and the live picture; the paper uses 0.40.')),
+      make('label', {}, pattern, ' Stripes instead of red (colour-blind mode)'),
+      make('p', {}, 'A pixel turns red when its error exceeds the threshold. The error is the sum of the '
+        + 'differences in red, green and blue (0 to 3) between the digital double and the live '
+        + 'picture. The paper uses 0.40.')),
   };
 }
 
@@ -121,9 +123,9 @@ export function finishSheet(
   const update = (now: readonly CapturedView[]): void => {
     const onServer = now.filter((view) => view.onServer).length;
     state.textContent = onServer === now.length
-      ? `${now.length} views, all on the server's disk.`
-      : `${onServer} of ${now.length} views are on the server; the others are safe on this device `
-        + 'and follow as soon as there is a connection.';
+      ? `${viewsText(now.length)}, saved on the server.`
+      : `${onServer} of ${viewsText(now.length)} saved on the server. The rest is saved on this `
+        + 'device and is uploaded as soon as there is a connection.';
     download.hidden = onServer === 0;
   };
   update(views);
@@ -133,12 +135,12 @@ export function finishSheet(
   };
   download.onclick = () => actions.finish(input.value.trim() || name);
   return {
-    element: sheet('Finish', close, state, make('label', {}, 'Name of the session', input),
+    element: sheet('Finish', close, state, make('label', {}, 'Session name', input),
       download,
       make('button', { className: 'secondary', type: 'button', onclick: finish },
-        'Leave it on the server'),
+        'Finish without downloading'),
       make('button', { className: 'secondary', type: 'button', onclick: () => actions.newSession() },
-        'Begin a new session')),
+        'Start a new session')),
     update,
   };
 }

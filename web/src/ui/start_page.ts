@@ -2,9 +2,8 @@
 
 import { make, show } from './dom';
 
-export const FREELY = 'Walk around the scene. Press the shutter where it turns red, until nothing is red '
-  + 'any more.';
-export const GUIDED = 'Look at the whole scene first. Then targets appear: take a view at each of them.';
+export const FREELY = 'Walk around the scene. Take a view wherever red appears, until no red remains.';
+export const GUIDED = 'Look at the whole scene first. Then targets appear; take a view at each of them.';
 
 export class StartPage {
   readonly #box = make('section', { className: 'start', hidden: true });
@@ -31,16 +30,16 @@ export class StartPage {
     const error = make('div', { className: 'error', role: 'alert' }, sentence);
     const retry = make('button', { className: 'primary', type: 'button' }, 'Try again');
     if (again !== null) retry.onclick = again;
-    this.#fill('That did not work', error, ...(again === null ? [] : [retry]),
-      make('a', { className: 'secondary', href: './check' }, 'What this browser can do'),
+    this.#fill('Something went wrong', error, ...(again === null ? [] : [retry]),
+      make('a', { className: 'secondary', href: './check' }, 'Check this browser'),
       make('a', { className: 'secondary', href: './?source=virtual' }, 'Try the virtual phone'));
   }
 
   /** It is over: the phone's session ended. */
   ended(again: () => void): void {
     const start = make('button', { className: 'primary', type: 'button', onclick: again },
-      'Go on');
-    this.#fill('Paused', make('p', {}, 'Everything you took is safe.'), start,
+      'Continue');
+    this.#fill('Paused', make('p', {}, 'All your views are saved.'), start,
       make('a', { className: 'secondary', href: './sessions' }, 'All sessions'));
   }
 

@@ -3,9 +3,10 @@ import 'fake-indexeddb/auto';
 import { IDBObjectStore } from 'fake-indexeddb';
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 
-import { CaptureDb } from '../../src/capture/capture_db';
+import { CaptureDb, type StoredSession } from '../../src/capture/capture_db';
 import type { CaptureSession } from '../../src/capture/capture_session';
-import { ModelServer } from './model_server';
+import { PROTOCOL } from '../../src/wire';
+import { ModelServer, problem } from './model_server';
 import { ModelBrowser, ModelClock, photo, settle } from './support';
 
 let server: ModelServer;
@@ -47,7 +48,7 @@ test('a photo is on disk before the shutter confirms, until the server has it', 
 test('a lost reply, then a retry: one capture', async () => {
   const session = await browser.open();
   let lost = 0;
-  server.fault = (what) => what.startsWith('POST b') && lost++ < 2 ? 'reply lost' : null;
+  server.fault = (what) => what.startsWith('PUT b') && lost++ < 2 ? 'reply lost' : null;
   const id = await session.shutter(photo(1));
   await clock.until(allQueued(session, 1));
   await clock.until(async () => await session.photo(id) === null);
@@ -96,7 +97,7 @@ test('a reload in the middle goes on where it was', async () => {
   expect(session.id).toBe(id);
   expect(states(session)).toEqual(['waiting']);
   const second = await session.shutter(photo(2));
-  server.fault = (what) => what === `POST ${first}` ? 'reply lost' : null;
+  server.fault = (what) => what === `PUT ${first}` ? 'reply lost' : null;
   server.start();
   await clock.until(() => server.alive().includes(first));
   browser.close();
@@ -137,7 +138,7 @@ describe('refusals', () => {
   test('a full disk keeps the capture here and says so', async () => {
     const session = await browser.open();
     let full = true;
-    server.fault = (what) => full && what.startsWith('POST b') ? 507 : null;
+    server.fault = (what) => full && what.startsWith('PUT b') ? 507 : null;
     const id = await session.shutter(photo(1));
     await clock.until(() => session.snapshot.trouble !== null);
     expect(session.snapshot.trouble).toBe('fault 507');
@@ -182,10 +183,9 @@ describe('refusals', () => {
     await clock.until(() => session.snapshot.connection === 'online');
     let busy = true;
     server.fault = (what) => {
-      if (!busy || !what.startsWith('POST b')) return null;
+      if (!busy || !what.startsWith('PUT b')) return null;
       busy = false;
-      return new Response('{"problem": "busy"}',
-        { status: 503, headers: { 'Retry-After': '7' } });
+      return problem(503, 'busy', { 'Retry-After': '7' });
     };
     const began_ms = clock.now_ms;
     await session.shutter(photo(1));
@@ -198,7 +198,7 @@ describe('refusals', () => {
 
   test('a photo at which the server fails does not hold up the others', async () => {
     const session = await browser.open();
-    server.fault = (what) => what.startsWith('POST b') && what.endsWith('0001') ? 500 : null;
+    server.fault = (what) => what.startsWith('PUT b') && what.endsWith('0001') ? 500 : null;
     const first = await session.shutter(photo(1));
     const second = await session.shutter(photo(2));
     await clock.until(() => server.alive().includes(second));
@@ -208,7 +208,7 @@ describe('refusals', () => {
   test('a Wi-Fi login page is not taken for the server', async () => {
     const session = await browser.open();
     let portal = true;
-    server.fault = (what) => portal && what.startsWith('POST b')
+    server.fault = (what) => portal && what.startsWith('PUT b')
       ? new Response('<html>Welcome!</html>') : null;
     const id = await session.shutter(photo(1));
     await clock.until(() => session.snapshot.trouble?.includes('login page') ?? false);
@@ -236,7 +236,7 @@ describe('undo', () => {
     const session = await browser.open();
     let undone: Promise<void> | null = null;
     server.fault = (what) => {
-      if (what.startsWith('POST b')) undone = session.undo(what.slice(5));
+      if (what.startsWith('PUT b')) undone = session.undo(what.slice(4));
       return null;
     };
     const id = await session.shutter(photo(1));
@@ -249,7 +249,7 @@ describe('undo', () => {
 
   test('of one whose reply was lost', async () => {
     const session = await browser.open();
-    server.fault = (what) => what.startsWith('POST b') ? 'reply lost' : null;
+    server.fault = (what) => what.startsWith('PUT b') ? 'reply lost' : null;
     const id = await session.shutter(photo(1));
     await clock.until(() => server.alive().includes(id));
     await session.undo(id);
@@ -259,7 +259,7 @@ describe('undo', () => {
 
   test('of one that arrives there after its undo', async () => {
     const session = await browser.open();
-    server.fault = (what) => what.startsWith('POST b') ? 'late' : null;
+    server.fault = (what) => what.startsWith('PUT b') ? 'late' : null;
     const id = await session.shutter(photo(1));
     await clock.until(() => session.snapshot.trouble !== null);
     await session.undo(id);
@@ -304,7 +304,7 @@ describe('undo', () => {
 
   test('of one that failed', async () => {
     const session = await browser.open();
-    server.fault = (what) => what.startsWith('POST b') ? 422 : null;
+    server.fault = (what) => what.startsWith('PUT b') ? 422 : null;
     const id = await session.shutter(photo(1));
     await clock.until(() => states(session)[0] === 'failed');
     await session.undo(id);
@@ -339,7 +339,7 @@ test('two tabs: every capture is written once, one at a time', async () => {
     && [...states(left), ...states(right)].every((state) => state === 'queued'));
   expect(server.mostUploadsAtOnce).toBe(1);
   expect([...server.writes.values()]).toEqual(Array(8).fill(1));
-  expect(server.log.filter((what) => what.startsWith('POST b'))).toHaveLength(8);
+  expect(server.log.filter((what) => what.startsWith('PUT b'))).toHaveLength(8);
 });
 
 test('a full phone: the photo is in memory, it is said, and it is sent', async () => {
@@ -350,7 +350,7 @@ test('a full phone: the photo is in memory, it is said, and it is sent', async (
   });
   const id = await session.shutter(photo(1));
   expect(put).toHaveBeenCalled();
-  expect(session.snapshot.storageProblem).toMatch(/storage is full.*keep this page open/);
+  expect(session.snapshot.storageProblem).toMatch(/storage is full.*Keep this page open/);
   expect(await session.photo(id)).not.toBeNull();
   server.start();
   put.mockRestore();
@@ -403,4 +403,15 @@ test('snapshots do not change, and every change is told', async () => {
   stop();
   await session.shutter(photo(2));
   expect(seen.length).toBe(heard);
+});
+
+test('a session that an earlier version of this page kept is begun in the words of today', async () => {
+  const db = await CaptureDb.open(browser.name);
+  const request = { id: 'kept-long-ago', protocol: 1, name: 'old', source: 'virtual', device: 'x' };
+  await db.putSession({ id: request.id, request, begun: false, pending: null } as StoredSession);
+  db.close();
+  const session = await browser.open({ sessionId: request.id });
+  await clock.until(() => session.snapshot.connection === 'online');
+  expect(server.sessions.get(request.id)?.request)
+    .toEqual({ protocol: PROTOCOL, name: 'old', source: 'virtual', device: 'x' });
 });

@@ -1,6 +1,9 @@
 /** A server in memory behind a fake `fetch`, that can be made to fail in every way it may. */
 
-import type { Capture, CaptureHeader, NewSession, Session, SessionChange } from '../../src/wire';
+import {
+  PROTOCOL, type Capture, type CaptureHeader, type NewSession, type Problem, type Session,
+  type SessionChange,
+} from '../../src/wire';
 
 /** What goes wrong with one request. `late`: it takes effect after the client has given up. */
 export type Fault = 'refused' | 'reply lost' | 'late' | number | Response;
@@ -38,10 +41,10 @@ export class ModelServer {
   readonly fetch = async (input: RequestInfo | URL, init: RequestInit = {}): Promise<Response> => {
     const path = new URL(String(input), 'http://server').pathname.replace('/api/v1', '');
     const method = init.method ?? 'GET';
-    const [, , id = '', , captureId = ''] = path.split('/');
+    const [, , id = '', part, captureId = ''] = path.split('/');
     if (!this.online) throw new TypeError('Failed to fetch');
     if (path.endsWith('/events')) return this.#events(id, init.signal ?? null);
-    const what = `${method} ${captureId === '' ? path.replace(id, 'S') : captureId}`;
+    const what = `${method} ${part === 'captures' ? captureId : path.replace(id, 'S')}`;
     this.log.push(what);
     const fault = this.fault(what);
     if (fault instanceof Response) return fault;
@@ -88,14 +91,12 @@ export class ModelServer {
 
   async #answer(method: string, path: string, init: RequestInit): Promise<Response> {
     const [, , id = '', part, captureId = '', leaf] = path.split('/');
-    if (path === '/sessions') {
+    if (part === undefined && method === 'PUT') {
       const request = JSON.parse(String(init.body)) as NewSession;
-      const known = this.sessions.has(request.id);
-      if (!known) {
-        this.sessions.set(request.id,
-          { request, captures: [], finished: false, name: request.name });
-      }
-      return json(this.#session(request.id), known ? 200 : 201);
+      if (request.protocol !== PROTOCOL) return problem(400, 'another protocol');
+      const known = this.sessions.has(id);
+      if (!known) this.sessions.set(id, { request, captures: [], finished: false, name: request.name });
+      return json(this.#session(id), known ? 200 : 201);
     }
     const held = this.sessions.get(id);
     if (held === undefined) return problem(404, 'no such session');
@@ -108,7 +109,7 @@ export class ModelServer {
     if (part === 'peaked') return new Response(null, { status: 204 });
     if (leaf === 'mpi') return new Response(new Uint8Array([1, 2, 3]));
     const at = held.captures.findIndex((capture) => capture.id === captureId);
-    if (method === 'POST') return this.#store(id, held, at, captureId, init.body as Blob);
+    if (method === 'PUT') return this.#store(id, held, at, captureId, init.body as Blob);
     const capture = held.captures[at];
     if (method !== 'DELETE' || capture === undefined) return problem(404, 'no such capture');
     held.captures[at] = { ...capture, removed: true };
@@ -175,9 +176,12 @@ export class ModelServer {
 }
 
 function json(value: unknown, status: number): Response {
-  return new Response(JSON.stringify(value), { status });
+  return new Response(JSON.stringify(value),
+    { status, headers: { 'Content-Type': 'application/json' } });
 }
 
-function problem(status: number, sentence: string): Response {
-  return new Response(JSON.stringify({ problem: sentence }), { status });
+export function problem(status: number, detail: string, headers: HeadersInit = {}): Response {
+  const described: Problem = { type: 'about:blank', title: 'Refused', status, detail };
+  return new Response(JSON.stringify(described),
+    { status, headers: { 'Content-Type': 'application/problem+json', ...headers } });
 }

@@ -2,6 +2,7 @@ import { expect, test } from 'vitest';
 
 import { uploadBody } from '../../src/capture/upload_body';
 import { wireOfCamera } from '../../src/geometry';
+import { PROTOCOL } from '../../src/wire';
 import { parseUpload } from './model_server';
 import { photo } from './support';
 
@@ -10,7 +11,7 @@ test('an upload says what it carries, and carries it byte for byte', async () =>
   const body = uploadBody({ ...rest, camera: wireOfCamera(camera) });
   const { header, jpeg, depth } = await parseUpload(body);
   expect(header).toEqual({
-    protocol: 1,
+    protocol: PROTOCOL,
     camera: {
       pinhole: { width_px: 4, height_px: 2, fx_px: 3, fy_px: 3, cx_px: 2, cy_px: 1 },
       world_from_cam: [1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 7],

@@ -225,7 +225,8 @@ async function stillFrames(scene: Scene, other: string): Promise<readonly object
 function brokenShader(): string {
   const vertex = '#version 300 es\nvoid main() {\n  gl_Position = nonsense;\n}\n';
   try {
-    new Program(contextOf(1, 1), vertex, vertex);
+    using program = new Program(contextOf(1, 1), vertex, vertex);
+    program.use();
   } catch (error) {
     if (error instanceof ShaderError) return error.message;
     throw error;

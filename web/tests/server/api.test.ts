@@ -3,7 +3,8 @@ import { expect, test } from 'vitest';
 import { Api, ApiError } from '../../src/server/api';
 import { EventStreamReader } from '../../src/server/event_stream';
 import { sessionEvents, type Connection } from '../../src/server/events';
-import type { SessionEvent } from '../../src/wire';
+import { PROTOCOL, type SessionEvent, type SessionSummary } from '../../src/wire';
+import { problem } from '../capture/model_server';
 import { ModelClock, settle } from '../capture/support';
 
 interface Asked { url: string; init: RequestInit }
@@ -54,13 +55,13 @@ test('a wrong token leaves the address bar too; without an answer it stays', asy
 });
 
 test('a server with another protocol is refused with a sentence', async () => {
-  const [api] = apiThat(() => new Response(JSON.stringify({ protocol: 2 })));
-  await expect(api.server()).rejects.toThrow(/version 2 of the protocol.*version 1/);
+  const [api] = apiThat(() => json({ protocol: PROTOCOL + 1, all_else: 'is different' }));
+  const versions = new RegExp(`version ${PROTOCOL + 1} of the protocol.*version ${PROTOCOL}`);
+  await expect(api.server()).rejects.toThrow(versions);
 });
 
 test('refusals carry the sentence and the time to wait', async () => {
-  const [api] = apiThat(() => new Response('{"problem": "busy"}',
-    { status: 503, headers: { 'Retry-After': '3' } }));
+  const [api] = apiThat(() => problem(503, 'busy', { 'Retry-After': '3' }));
   await expect(api.session('s')).rejects.toEqual(new ApiError(503, 'busy', 3));
   await expect(api.session('s')).rejects.toMatchObject({ status: 503, retryAfter_s: 3 });
 });
@@ -78,8 +79,29 @@ test('ids never become a path', () => {
 });
 
 test('an upload is acknowledged only by an answer to it', async () => {
-  const [api] = apiThat(() => new Response('{"id": "another"}'));
-  await expect(api.uploadCapture('s', 'c', new Blob(['x']))).rejects.toMatchObject({ status: 0 });
+  const pinhole = { width_px: 1, height_px: 1, fx_px: 1, fy_px: 1, cx_px: 0, cy_px: 0 };
+  const camera = { pinhole, world_from_cam: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0] };
+  const stored = { id: 'c', number: 1, camera, time_s: 0, state: 'queued' };
+  const [api, asked] = apiThat(() => json(stored));
+  expect(await api.uploadCapture('s', 'c', new Blob(['x']))).toMatchObject({ number: 1 });
+  expect(asked[0]?.init.method).toBe('PUT');
+  const [wrong] = apiThat(() => json({ ...stored, id: 'another' }));
+  await expect(wrong.uploadCapture('s', 'c', new Blob(['x']))).rejects.toThrow('other than the peaking server');
+});
+
+test('what a login page says is not taken for the server', async () => {
+  const html = { headers: { 'Content-Type': 'text/html' } };
+  const [portal] = apiThat(() => new Response('<p>Welcome</p>', html));
+  await expect(portal.sessions()).rejects.toThrow('other than the peaking server');
+});
+
+test('a field that is not what it should be is named', async () => {
+  const [api] = apiThat(() => json([{ ...SUMMARY, captures: 'many' }]));
+  await expect(api.sessions()).rejects.toThrow(
+    '[0].captures: need a whole number, got "many"');
+  const info = { protocol: PROTOCOL, options: { neighbours: 9 } };
+  const [other] = apiThat(() => json(info));
+  await expect(other.server()).rejects.toMatchObject({ status: 0 });
 });
 
 test.each([1, 2, 3, 7, 100])('events are read from pieces of %i characters', (size) => {
@@ -89,6 +111,23 @@ test.each([1, 2, 3, 7, 100])('events are read from pieces of %i characters', (si
   for (let i = 0; i < text.length; i += size) events.push(...reader.push(text.slice(i, i + size)));
   expect(events).toEqual(['one', 'two\nlines']);
 });
+
+const SUMMARY: SessionSummary = {
+  id: 's', name: 'desk', folder: 'f', source: 'virtual', device: '', created_s: 0, finished: false,
+  captures: 0, ready: 0, peaked_share: null, live: true,
+};
+
+function renamed(name: string): SessionEvent {
+  return { type: 'SessionChanged', summary: { ...SUMMARY, name } };
+}
+
+function dataOf(event: object): string {
+  return `data: ${JSON.stringify(event)}\n\n`;
+}
+
+function json(value: unknown): Response {
+  return new Response(JSON.stringify(value), { headers: { 'Content-Type': 'application/json' } });
+}
 
 function stream(): { response: Response; send(text: string): void; fail(): void } {
   let control: ReadableStreamDefaultController<Uint8Array> | null = null;
@@ -126,16 +165,32 @@ test('a broken stream is opened again, after a pause', async () => {
   let opened = 0;
   const [api] = apiThat(() => streams[opened++]?.response ?? new Response('', { status: 401 }));
   const { clock, events, states, stop } = listen(api);
-  streams[0]?.send('data: {"type":"A"}\n\n');
+  streams[0]?.send(dataOf(renamed('A')));
   await settle();
   streams[0]?.fail();
   await clock.until(() => opened === 2, 1000);
-  streams[1]?.send('data: {"type":"B"}\n\n');
+  streams[1]?.send(dataOf(renamed('B')));
   await settle();
-  expect(events).toEqual([{ type: 'A' }, { type: 'B' }]);
+  expect(events).toEqual([renamed('A'), renamed('B')]);
   expect(states).toEqual(['connecting', 'online', 'offline', 'online']);
   streams[1]?.fail();
   await clock.until(() => states.at(-1) === 'offline 401');
+  await stop();
+});
+
+test('news that this page does not understand are said, and asked for ever more rarely', async () => {
+  let opened = 0;
+  const [api] = apiThat(() => {
+    opened += 1;
+    const one = stream();
+    one.send('data: {"type":"Surprise"}\n\n');
+    return one.response;
+  });
+  const { clock, events, states, stop } = listen(api);
+  await clock.until(() => opened === 6);
+  expect(events).toEqual([]);
+  expect(states).toContain('offline 0');
+  expect(clock.now_ms).toBeGreaterThan(5000);
   await stop();
 });
 

@@ -1,12 +1,12 @@
 import { describe, expect, test } from 'vitest';
-import { Coach, STEPS, type CoachMoment } from '../../src/ui/coach';
+import { Coach, TASKS, type CoachMoment } from '../../src/ui/coach';
 
 /** The step after each of these moments. */
 function stepsOf(coach: Coach, ...moments: readonly (readonly [number, number, number | null])[]): number[] {
   return moments.map(([views, ready, peakedShare]) => {
     const moment: CoachMoment = { views, ready, peakedShare };
     coach.update(moment);
-    return coach.step;
+    return coach.task;
   });
 }
 
@@ -31,21 +31,21 @@ describe('shoot – move – shoot the red – see it go', () => {
   test('a view before the red is seen does not count as the one that takes it away', () => {
     const coach = new Coach();
     stepsOf(coach, [1, 1, 0], [2, 2, 0.02], [2, 2, 0.1]);
-    expect(coach.step).toBe(2);
+    expect(coach.task).toBe(2);
     expect(stepsOf(coach, [2, 2, 0.1], [3, 2, 0.1])).toEqual([2, 3]);
   });
 
   test('after the last step nothing happens', () => {
     const coach = new Coach();
-    coach.step = STEPS.length;
+    coach.task = TASKS.length;
     expect(stepsOf(coach, [0, 0, null], [5, 5, 0.5])).toEqual([4, 4]);
   });
 
   test('again from the beginning', () => {
     const coach = new Coach();
-    coach.step = STEPS.length;
+    coach.task = TASKS.length;
     coach.restart();
-    expect([coach.step, coach.done]).toEqual([0, false]);
+    expect([coach.task, coach.done]).toEqual([0, false]);
     expect(stepsOf(coach, [3, 3, 0.3], [3, 3, 0.3], [4, 3, 0.3], [4, 4, 0.1])).toEqual([1, 2, 3, 4]);
   });
 });

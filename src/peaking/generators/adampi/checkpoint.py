@@ -16,7 +16,7 @@ import torch
 from peaking.errors import CheckpointError
 from peaking.generators.adampi.network import AdaMpiNetwork
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Names of wrong entries, of each kind, that a message gives."""
 
 
@@ -83,7 +83,7 @@ def _check_entries(
     unexpected = [str(name) for name in given if name not in wanted]
     if missing or unexpected:
         parts = [
-            f"{len(names)} {what}: {', '.join(names[:MOST_NAMED])}"
+            f"{len(names)} {what}: {', '.join(names[:MAX_NAMED])}"
             for what, names in (("missing", missing), ("unexpected", unexpected))
             if names
         ]

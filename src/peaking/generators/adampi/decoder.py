@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from peaking.generators.adampi.encoder import Features
 
-LEAST_DENSITY = 1e-4
+MIN_DENSITY = 1e-4
 WIDTHS = (12, 24, 48, 96, 192)
 """Channels of the blocks, finest first."""
 
@@ -150,7 +150,7 @@ def colour_and_density(
 ) -> Float[Tensor, "planes 4 h w"]:
     """Return sigmoid of the colours, and relu(density · reached) + 1e-4."""
     colour = torch.sigmoid(raw[:, :3])
-    density = functional.relu(raw[:, 3:] * masks.reached[:, None]) + LEAST_DENSITY
+    density = functional.relu(raw[:, 3:] * masks.reached[:, None]) + MIN_DENSITY
     return torch.cat([colour, density], dim=1)
 
 

@@ -48,7 +48,7 @@ class AdaMpi:
             BackendUnavailable: CUDA was asked for and is not there.
             ValueError: Reduced precision was asked for on a processor.
         """
-        self.device = device_named(device)
+        self.device = choose_device(device)
         if precision != "float32" and self.device.type != "cuda":
             raise ValueError(f"need device cuda for precision {precision}, got {self.device.type}")
         if not 0 <= alpha_cut < 1:
@@ -130,7 +130,7 @@ class AdaMpi:
         )
 
 
-def device_named(device: Device) -> torch.device:
+def choose_device(device: Device) -> torch.device:
     """Return a device.
 
     Raises:

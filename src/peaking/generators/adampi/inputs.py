@@ -12,13 +12,13 @@ from peaking.errors import PeakingError
 
 MULTIPLE_PX = 128
 """Sides that the network takes are multiples of this: it looks at 1/128 of the size."""
-LEAST_SIDE_PX = 128
+MIN_SIDE_PX = 128
 """Of pictures; smaller ones would mostly be padding."""
 
 EDGE = 0.03
 """Change of relative disparity from pixel to pixel that counts as an edge."""
 
-LEAST_SPAN = 0.01
+MIN_SPAN = 0.01
 """Least range of disparities, as a part of the largest: of a wall seen head-on."""
 
 
@@ -46,16 +46,16 @@ def inputs_of(rgb: UInt8[np.ndarray, "h w 3"], depth_m: Float32[np.ndarray, "h w
     height, width = rgb.shape[:2]
     if depth_m.shape != (height, width):
         raise ValueError(f"need depth of the picture's size {rgb.shape[:2]}, got {depth_m.shape}")
-    if min(height, width) < LEAST_SIDE_PX:
+    if min(height, width) < MIN_SIDE_PX:
         raise PeakingError(
-            f"the picture is {width}x{height}, AdaMPI needs {LEAST_SIDE_PX} pixels per side or "
+            f"the picture is {width}x{height}, AdaMPI needs {MIN_SIDE_PX} pixels per side or "
             "more; use more pixels (--pixels) or the generator `layered`"
         )
     if not (np.isfinite(depth_m).all() and depth_m.min() > 0):
         raise ValueError("need a depth > 0 at every pixel; complete the depth first")
     disparity_per_m = 1.0 / depth_m
     nearest = float(disparity_per_m.max())
-    farthest = min(float(disparity_per_m.min()), nearest * (1.0 - LEAST_SPAN))
+    farthest = min(float(disparity_per_m.min()), nearest * (1.0 - MIN_SPAN))
     relative = (disparity_per_m - farthest) / (nearest - farthest)
     sharp = sharp_edges(relative.astype(np.float32))
     padding = (0, -height % MULTIPLE_PX, 0, -width % MULTIPLE_PX)

@@ -21,7 +21,7 @@ from peaking.mpi import Mpi
 LAST_DELTA = 1e3
 """Distance behind the last plane: what is left of the ray belongs to it."""
 
-LEAST_STEP = 1e-5
+MIN_STEP = 1e-5
 """Of disparity between two planes; those that the network puts on one spot are moved apart."""
 
 
@@ -46,7 +46,7 @@ class Planes(NamedTuple):
 def in_order(layers: Layers) -> Layers:
     """Sort planes together with what is on them, farthest first, and move equal ones apart."""
     disparities, order = torch.sort(layers.disparities, stable=True)
-    steps = LEAST_STEP * torch.arange(len(order), device=order.device)
+    steps = MIN_STEP * torch.arange(len(order), device=order.device)
     apart = torch.cummax(disparities - steps, dim=0).values + steps
     return Layers(apart, layers.colour_density[order])
 

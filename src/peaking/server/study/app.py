@@ -23,14 +23,24 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route
 
 from peaking.errors import PeakingError
-from peaking.server.answers import event_stream, json_answer, problem
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
+from peaking.server.openapi import OPERATIONS, document
+from peaking.server.responses import (
+    event_stream,
+    json_response,
+    problem,
+    problem_response,
+    type_and_title,
+)
 from peaking.server.sessions import SessionStore
 from peaking.server.study import wire
 from peaking.server.study.open_participant import Incomplete, NotNow, OpenParticipant
 from peaking.server.study.open_study import OpenStudy, UnknownParticipant
+from peaking.server.study.openapi import STUDY_OPERATIONS
 from peaking.server.study.shown import console_state, participant_state
+from peaking.server.upload import BadUpload
+from peaking.study.records import StepKey
 
 CONSOLE_COOKIE = "peaking_console"
 CONSOLE = ""
@@ -70,13 +80,17 @@ class _Handlers:
         self.config = config
         self.hub = Hub()
 
+    async def openapi(self, _: Request) -> Response:
+        """Describe the capture server's addresses and the study's."""
+        return json_response(document([*OPERATIONS, *STUDY_OPERATIONS]))
+
     # The participant's phone
 
     async def texts(self, _: Request) -> Response:
-        return json_answer(self.study.texts.pages)
+        return json_response(self.study.texts.pages)
 
     async def state(self, request: Request) -> Response:
-        return json_answer(self._state(self._participant(request)))
+        return json_response(self._state(self._participant(request)))
 
     async def events(self, request: Request) -> Response:
         participant = self._participant(request)
@@ -89,22 +103,24 @@ class _Handlers:
         return event_stream(stream)
 
     async def consent(self, request: Request) -> Response:
-        return await self._do(request, wire.Consent, OpenParticipant.consent)
+        answer = await _json(request, wire.Consent)
+        return await self._do(request, lambda who: who.consent(answer))
 
     async def draft(self, request: Request) -> Response:
-        return await self._do(request, wire.Draft, OpenParticipant.keep_draft)
+        step, draft = _step(request), await _json(request, wire.Draft)
+        return await self._do(request, lambda who: who.keep_draft(step, draft))
 
     async def answers(self, request: Request) -> Response:
-        return await self._do(request, wire.Answered, OpenParticipant.answer)
+        step, given = _step(request), await _json(request, wire.Answered)
+        return await self._do(request, lambda who: who.answer(step, given))
 
     async def session(self, request: Request) -> Response:
-        return await self._do(request, wire.SessionBegun, OpenParticipant.link)
+        step, begun = _step(request), await _json(request, wire.SessionBegun)
+        return await self._do(request, lambda who: who.link(step, begun))
 
     async def finish(self, request: Request) -> Response:
-        def stop(participant: OpenParticipant, done: wire.StepDone) -> None:
-            participant.stop(done.step, by="participant")
-
-        return await self._do(request, wire.StepDone, stop)
+        step = _step(request)
+        return await self._do(request, lambda who: who.stop(step, by="participant"))
 
     async def told(self, request: Request) -> Response:
         participant = self._participant(request)
@@ -135,31 +151,27 @@ class _Handlers:
     async def add(self, _: Request) -> Response:
         participant = await run_in_threadpool(self.study.add)
         self._tell_console()
-        return json_answer(wire.NewParticipant(participant.pseudonym), status=201)
+        return json_response(wire.NewParticipant(participant.pseudonym), status=201)
 
     async def start(self, request: Request) -> Response:
-        def start(participant: OpenParticipant, order: wire.StepOrder) -> None:
-            participant.start(order.step)
-
-        return await self._do(request, wire.StepOrder, start)
+        step = _step(request)
+        return await self._do(request, lambda who: who.start(step))
 
     async def stop(self, request: Request) -> Response:
-        def stop(participant: OpenParticipant, order: wire.StepOrder) -> None:
-            participant.stop(order.step, by="experimenter")
-
-        return await self._do(request, wire.StepOrder, stop)
+        step = _step(request)
+        return await self._do(request, lambda who: who.stop(step, by="experimenter"))
 
     async def repeat(self, request: Request) -> Response:
-        def repeat(participant: OpenParticipant, reason: wire.Reason) -> None:
-            participant.repeat(reason.step or "", reason.text)
-
-        return await self._do(request, wire.Reason, repeat)
+        step, reason = _step(request), await _json(request, wire.Reason)
+        return await self._do(request, lambda who: who.repeat(step, reason.text))
 
     async def note(self, request: Request) -> Response:
-        return await self._do(request, wire.Reason, lambda who, said: who.note(said.text))
+        said = await _json(request, wire.Reason)
+        return await self._do(request, lambda who: who.note(said.text))
 
     async def exclude(self, request: Request) -> Response:
-        return await self._do(request, wire.Reason, lambda who, said: who.exclude(said.text))
+        said = await _json(request, wire.Reason)
+        return await self._do(request, lambda who: who.exclude(said.text))
 
     async def qr(self, request: Request) -> Response:
         participant = self._participant(request)
@@ -172,18 +184,15 @@ class _Handlers:
 
     # Inside
 
-    async def _do(
-        self, request: Request, kind: type[T], change: Callable[[OpenParticipant, T], None]
-    ) -> Response:
+    async def _do(self, request: Request, change: Callable[[OpenParticipant], None]) -> Response:
         """Change a participant, tell who looks, and answer with the new state."""
         participant = self._participant(request)
-        asked = await _json(request, kind)
-        await run_in_threadpool(change, participant, asked)
+        await run_in_threadpool(change, participant)
         await run_in_threadpool(self._forget_images, participant)
         state = self._state(participant)
         self.hub.send(participant.pseudonym, state)
         self._tell_console()
-        return json_answer(state)
+        return json_response(state)
 
     def _forget_images(self, participant: OpenParticipant) -> None:
         """Delete the photos of trials that are over, where they may not be kept."""
@@ -232,6 +241,7 @@ def create_study_app(
             Route("/study", _page(config.client_dir / "study.html")),
             Route("/participant", _page(config.client_dir / "participant.html")),
             Mount("/api/v1/study/console", app=_console_app(handlers, config)),
+            Route("/api/v1/openapi.json", handlers.openapi, methods=["GET"]),
             *_participant_routes(handlers),
             Mount("/", app=capture),
         ],
@@ -248,12 +258,12 @@ def _participant_routes(handlers: _Handlers) -> list[Route]:
         Route("/api/v1/study/texts", handlers.texts, methods=["GET"]),
         Route(participant, handlers.state, methods=["GET"]),
         Route(participant + "/events", handlers.events, methods=["GET"]),
-        Route(participant + "/consent", handlers.consent, methods=["POST"]),
-        Route(participant + "/draft", handlers.draft, methods=["PUT"]),
-        Route(participant + "/answers", handlers.answers, methods=["POST"]),
-        Route(participant + "/session", handlers.session, methods=["POST"]),
-        Route(participant + "/finish", handlers.finish, methods=["POST"]),
-        Route(participant + "/told", handlers.told, methods=["POST"]),
+        Route(participant + "/consent", handlers.consent, methods=["PUT"]),
+        Route(participant + "/told/{batch}", handlers.told, methods=["PUT"]),
+        Route(participant + "/steps/{step}/draft", handlers.draft, methods=["PATCH"]),
+        Route(participant + "/steps/{step}/answers", handlers.answers, methods=["PUT"]),
+        Route(participant + "/steps/{step}/session", handlers.session, methods=["PUT"]),
+        Route(participant + "/steps/{step}/finished", handlers.finish, methods=["PUT"]),
     ]
 
 
@@ -264,11 +274,11 @@ def _console_app(handlers: _Handlers, config: StudyConfig) -> Any:
             Route("/pair", handlers.pair, methods=["POST"]),
             Route("/events", handlers.console_events, methods=["GET"]),
             Route("/participants", handlers.add, methods=["POST"]),
-            Route(participant + "/start", handlers.start, methods=["POST"]),
-            Route(participant + "/stop", handlers.stop, methods=["POST"]),
-            Route(participant + "/repeat", handlers.repeat, methods=["POST"]),
-            Route(participant + "/note", handlers.note, methods=["POST"]),
-            Route(participant + "/exclude", handlers.exclude, methods=["POST"]),
+            Route(participant + "/steps/{step}/started", handlers.start, methods=["PUT"]),
+            Route(participant + "/steps/{step}/finished", handlers.stop, methods=["PUT"]),
+            Route(participant + "/steps/{step}/repetitions", handlers.repeat, methods=["POST"]),
+            Route(participant + "/notes", handlers.note, methods=["POST"]),
+            Route(participant + "/excluded", handlers.exclude, methods=["PUT"]),
             Route(participant + "/qr.svg", handlers.qr, methods=["GET"]),
         ],
         exception_handlers=_refusals(),
@@ -288,19 +298,35 @@ def _refusals() -> dict[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         match error:
             case Incomplete():
-                return json_answer(wire.AnswersRefused(str(error), error.items), status=422)
+                described = type_and_title(422, "incomplete")
+                return problem_response(
+                    wire.AnswersRefused(
+                        *described, status=422, detail=str(error), items=error.items
+                    )
+                )
             case NotNow():
-                return problem(409, str(error))
+                return problem(409, str(error), kind="out-of-date")
             case UnknownParticipant():
                 return problem(404, str(error))
+            case BadUpload():
+                return problem(error.status, str(error), kind=error.kind)
             case HTTPException():
-                return problem(error.status_code, error.detail, error.headers)
+                return problem(error.status_code, error.detail, headers=error.headers)
             case OSError():
-                return problem(507, f"The server could not write ({error.strerror}); try again.")
+                sentence = f"The server could not write to its disk ({error.strerror}). Try again."
+                return problem(507, sentence, kind="disk-full")
             case _:
-                return problem(500, "Something went wrong on the server; its log says what.")
+                return problem(500, "Something went wrong on the server. Its log has the details.")
 
-    return {PeakingError: refused, HTTPException: refused, OSError: refused}
+    return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
+
+
+def _step(request: Request) -> str:
+    """Return the step of the path: a key that cannot be is one that is not there."""
+    try:
+        return msgspec.convert(request.path_params["step"], StepKey)
+    except msgspec.ValidationError:
+        raise HTTPException(404, "There is no such part in this study.") from None
 
 
 async def _json(request: Request, kind: type[T]) -> T:
@@ -308,8 +334,9 @@ async def _json(request: Request, kind: type[T]) -> T:
     async for part in request.stream():
         body += part
         if len(body) > MAX_BYTES:
-            raise HTTPException(413, f"That is more than {MAX_BYTES:,} bytes.")
+            sentence = f"The request has more than {MAX_BYTES:,} bytes."
+            raise BadUpload(sentence, status=413, kind="too-large")
     try:
         return msgspec.json.decode(body, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise HTTPException(400, f"The request's JSON is wrong: {error}.") from error
+        raise BadUpload(f"The JSON of the request is not valid: {error}.", status=400) from error

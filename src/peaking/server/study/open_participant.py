@@ -32,7 +32,7 @@ class Incomplete(PeakingError):
 
     def __init__(self, items: dict[str, str]) -> None:
         """Keep what is wrong."""
-        super().__init__("Some answers are missing or not possible.")
+        super().__init__("Some answers are missing or not valid.")
         self.items = items
 
 
@@ -126,7 +126,7 @@ class OpenParticipant:
             if self.is_done(step):
                 return
             if self._expect(step) != "running":
-                raise NotNow("This part has not begun yet.")
+                raise NotNow("This part has not started yet.")
             if self._step(step).kind == "consent":
                 raise NotNow("The participant answers this on the phone.")
             self._append(records.StepFinished(self._clock(), step=step, by=by))
@@ -151,9 +151,10 @@ class OpenParticipant:
             self._append(records.NoteAdded(self._clock(), text=text))
 
     def exclude(self, reason: str) -> None:
-        """Let the participant not count; their place in the design is given again."""
+        """Let the participant not count, once; their place in the design is given again."""
         with self.lock:
-            self._append(records.ParticipantExcluded(self._clock(), reason=reason))
+            if self.record.excluded is None:
+                self._append(records.ParticipantExcluded(self._clock(), reason=reason))
 
     # The participant
 
@@ -177,23 +178,23 @@ class OpenParticipant:
                 records.StepFinished(at_s, step="consent", by="participant"),
             )
 
-    def keep_draft(self, draft: wire.Draft) -> None:
+    def keep_draft(self, step: str, draft: wire.Draft) -> None:
         """Keep what was filled in so far; after the form was handed in, does nothing.
 
         Raises:
             NotNow: It is another step's turn.
         """
         with self.lock:
-            if self.is_done(draft.step):
+            if self.is_done(step):
                 return
-            self._expect(draft.step)
-            form = self._form(draft.step)
+            self._expect(step)
+            form = self._form(step)
             known = {item.id for item in form.items}
             answers = {name: value for name, value in draft.answers.items() if name in known}
             if answers:
-                self._append(records.DraftKept(self._clock(), step=draft.step, answers=answers))
+                self._append(records.DraftKept(self._clock(), step=step, answers=answers))
 
-    def answer(self, given: wire.Answered) -> None:
+    def answer(self, step: str, given: wire.Answered) -> None:
         """Keep a form that was handed in; a second time does nothing.
 
         Raises:
@@ -201,10 +202,10 @@ class OpenParticipant:
             Incomplete: An answer is missing or not possible.
         """
         with self.lock:
-            if self.is_done(given.step):
+            if self.is_done(step):
                 return
-            self._expect(given.step)
-            form = self._form(given.step)
+            self._expect(step)
+            form = self._form(step)
             wrong = problems(form, given.answers)
             if wrong:
                 raise Incomplete(wrong)
@@ -212,26 +213,24 @@ class OpenParticipant:
             self._append(
                 records.Answered(
                     at_s,
-                    step=given.step,
+                    step=step,
                     questionnaire=form.name,
                     answers=given.answers,
                     language=self.protocol.language,
                 ),
-                records.StepFinished(at_s, step=given.step, by="participant"),
+                records.StepFinished(at_s, step=step, by="participant"),
             )
 
-    def link(self, begun: wire.SessionBegun) -> None:
+    def link(self, step: str, begun: wire.SessionBegun) -> None:
         """Remember the capture session of a step; again does nothing.
 
         Raises:
             NotNow: It is another step's turn.
         """
         with self.lock:
-            self._expect(begun.step)
-            if self.session(self._step(begun.step)) != begun.session:
-                self._append(
-                    records.SessionLinked(self._clock(), step=begun.step, session=begun.session)
-                )
+            self._expect(step)
+            if self.session(self._step(step)) != begun.session:
+                self._append(records.SessionLinked(self._clock(), step=step, session=begun.session))
 
     def tell(self, told: Sequence[wire.Told], *, session: str) -> None:
         """Keep what happened on the phone, each event once; it may come late, from any step.
@@ -312,13 +311,13 @@ class OpenParticipant:
         self._step(key)
         now = self.current
         if now is None or now[0].key != key:
-            raise NotNow("It is another part's turn: this page was out of date.")
+            raise NotNow("Another part is due now: this page was out of date.")
         return now[1]
 
     def _form(self, key: str) -> wire.Questionnaire:
         name = self._step(key).questionnaire
         if name is None:
-            raise NotNow("There is nothing to fill in here.")
+            raise NotNow("This part has no form.")
         return self.protocol.questionnaire(name)
 
 

@@ -7,8 +7,10 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from peaking.server.wire import Id, Problem
+from peaking.study import questionnaires
 from peaking.study.procedure import Kind
-from peaking.study.questionnaires import MOST_TEXT, Answer, Choice, Item, Questionnaire
+from peaking.study.questionnaires import Answer, Choice, Item, Questionnaire
 from peaking.study.records import EventId, StepKey
 
 __all__ = ["Choice", "Item", "Questionnaire"]
@@ -17,7 +19,7 @@ Answers = Annotated[dict[str, Answer], Meta(max_length=200)]
 Seconds = Annotated[float, Meta(ge=0, le=1e11)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 
-MAX_TEXT = MOST_TEXT
+MAX_TEXT = questionnaires.MAX_TEXT
 """Characters of an answer in words."""
 
 MAX_EVENTS = 200
@@ -79,44 +81,34 @@ class ParticipantState(Struct, frozen=True, tag="ParticipantState"):
 
 
 class Consent(Struct, frozen=True):
-    """POST …/consent."""
+    """PUT …/consent."""
 
     agreed: bool
     images: bool = False
 
 
 class Draft(Struct, frozen=True):
-    """PUT …/draft: the answers that were changed, and only those."""
+    """PATCH …/steps/{step}/draft: the answers that were changed, and only those."""
 
-    step: StepKey
     answers: Answers
 
 
 class Answered(Struct, frozen=True):
-    """POST …/answers."""
+    """PUT …/steps/{step}/answers."""
 
-    step: StepKey
     answers: Answers
 
 
-class AnswersRefused(Struct, frozen=True):
-    """The answer of status 422: what is wrong with which item (keys of the texts)."""
+class AnswersRefused(Problem, frozen=True):
+    """The problem of status 422: what is wrong with which item (keys of the texts)."""
 
-    problem: str
     items: dict[str, str]
 
 
-class StepDone(Struct, frozen=True):
-    """POST …/finish: the participant is done with a phase."""
-
-    step: StepKey
-
-
 class SessionBegun(Struct, frozen=True):
-    """POST …/session: the capture session of a step."""
+    """PUT …/steps/{step}/session: the capture session of a step."""
 
-    step: StepKey
-    session: Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$")]
+    session: Id
 
 
 ToldKind = Literal[
@@ -153,7 +145,7 @@ class Told(Struct, frozen=True):
 
 
 class ToldEvents(Struct, frozen=True):
-    """POST …/told."""
+    """PUT …/told/{batch}; each event is kept once, in whatever batch it comes."""
 
     session: Annotated[str, Meta(max_length=64)]
     """The capture session of the page that tells."""
@@ -216,17 +208,10 @@ class ConsoleState(Struct, frozen=True, tag="ConsoleState"):
     participants: list[ParticipantLine]
 
 
-class StepOrder(Struct, frozen=True):
-    """POST …/start and …/stop of the console."""
-
-    step: StepKey
-
-
 class Reason(Struct, frozen=True):
-    """POST …/repeat, …/note and …/exclude of the console."""
+    """PUT …/excluded, POST …/notes and POST …/steps/{step}/repetitions of the console."""
 
     text: Annotated[str, Meta(min_length=1, max_length=2000)]
-    step: StepKey | None = None
 
 
 class NewParticipant(Struct, frozen=True):

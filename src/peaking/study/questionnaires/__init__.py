@@ -130,7 +130,7 @@ def problems(questionnaire: Questionnaire, answers: Mapping[str, Answer]) -> dic
     return found
 
 
-MOST_TEXT = 10_000
+MAX_TEXT = 10_000
 
 
 def _problem(item: Item, answer: Answer) -> str | None:
@@ -152,7 +152,7 @@ def _problem(item: Item, answer: Answer) -> str | None:
         case "text":
             if not isinstance(answer, str):
                 return "not-a-choice"
-            return None if len(answer) <= MOST_TEXT else "too-long"
+            return None if len(answer) <= MAX_TEXT else "too-long"
 
 
 def _in_range(item: Item, answer: float) -> bool:

@@ -47,7 +47,7 @@ Answer = Literal["yes", "no", "cannot be told"]
 
 
 @dataclass(frozen=True)
-class Step:
+class DecisionStep:
     """A question about the data, its answer, and the test that gave it."""
 
     question: str
@@ -72,7 +72,7 @@ class Pair:
 class Decision:
     """How a measure was tested, and what came out."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[DecisionStep, ...]
     parametric: bool
     outcome: Outcome
     """Of the chosen test."""
@@ -164,13 +164,13 @@ def decide_groups(
     return _with_pairs(decision, compared)
 
 
-def _step(question: str, outcome: Outcome, *, alpha: float, decides: bool = True) -> Step:
+def _step(question: str, outcome: Outcome, *, alpha: float, decides: bool = True) -> DecisionStep:
     if isinstance(outcome, Untestable):
-        return Step(question, "cannot be told", outcome, decides)
-    return Step(question, "no" if outcome.p < alpha else "yes", outcome, decides)
+        return DecisionStep(question, "cannot be told", outcome, decides)
+    return DecisionStep(question, "no" if outcome.p < alpha else "yes", outcome, decides)
 
 
-def _chosen(steps: Sequence[Step], parametric: Outcome, by_ranks: Outcome) -> Decision:
+def _chosen(steps: Sequence[DecisionStep], parametric: Outcome, by_ranks: Outcome) -> Decision:
     satisfied = all(step.answer == "yes" for step in steps if step.decides)
     if satisfied:
         return Decision(tuple(steps), True, parametric, by_ranks)
@@ -187,7 +187,7 @@ def _with_pairs(decision: Decision, compared: Sequence[tuple[str, str, Outcome]]
     return Decision(decision.steps, decision.parametric, decision.outcome, decision.other, pairs)
 
 
-def _answer(step: Step) -> str:
+def _answer(step: DecisionStep) -> str:
     outcome = step.outcome
     if isinstance(outcome, Untestable):
         return f"Cannot be told ({outcome.test}: {outcome.reason})."

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from statsmodels.stats.multitest import multipletests
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -22,5 +21,8 @@ def holm(p_values: Sequence[float]) -> list[float]:
             raise ValueError(f"need p-values in 0…1, got {p}")
     if not p_values:
         return []
-    _, corrected, *_ = multipletests(p_values, method="holm")
-    return np.asarray(corrected).tolist()
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p, kind="stable")
+    corrected = np.empty_like(p)
+    corrected[order] = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
+    return np.minimum(corrected, 1.0).tolist()

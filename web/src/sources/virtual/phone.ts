@@ -16,7 +16,7 @@ import { PhoneControls, type PhonePose } from './controls';
 import { buildRoom, START } from './room';
 
 /** The picture has the paper's aspect, 294:639; phones give more pixels than is worked with. */
-export const PICTURE = { width_px: 441, height_px: 958 } as const;
+export const PICTURE_SIZE = { width_px: 441, height_px: 958 } as const;
 const FOV_Y_DEG = 64;
 
 export interface VirtualPhoneOptions {
@@ -73,9 +73,9 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
       const turned = camera.moveTo(pose);
       device.quaternion.set(turned.x, turned.y, turned.z, turned.w);
       const app = device.appCanvas ?? canvasIn(options.stage);
-      if (app !== null && (app.width !== PICTURE.width_px || app.height !== PICTURE.height_px)) {
-        app.width = PICTURE.width_px;
-        app.height = PICTURE.height_px;
+      if (app !== null && (app.width !== PICTURE_SIZE.width_px || app.height !== PICTURE_SIZE.height_px)) {
+        app.width = PICTURE_SIZE.width_px;
+        app.height = PICTURE_SIZE.height_px;
       }
       camera.draw();
     }
@@ -167,7 +167,7 @@ class DrawnCamera {
   readonly #renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   readonly #room = buildRoom();
   readonly #camera = new PerspectiveCamera(
-    FOV_Y_DEG, PICTURE.width_px / PICTURE.height_px, 0.05, 20);
+    FOV_Y_DEG, PICTURE_SIZE.width_px / PICTURE_SIZE.height_px, 0.05, 20);
   readonly #euler = new Euler(0, 0, 0, 'YXZ');
   readonly #depth: ArcoreDepth;
   /** Where the picture was drawn from: position and quaternion. */
@@ -175,7 +175,7 @@ class DrawnCamera {
 
   constructor(exactDepth: boolean) {
     this.#renderer.setPixelRatio(1);
-    this.#renderer.setSize(PICTURE.width_px, PICTURE.height_px, false);
+    this.#renderer.setSize(PICTURE_SIZE.width_px, PICTURE_SIZE.height_px, false);
     this.#depth = new ArcoreDepth(this.#renderer, this.#room, exactDepth);
   }
 
@@ -217,7 +217,7 @@ class DrawnCamera {
 
 /** One view, a camera picture behind it, and ARCore's depth. */
 function behaveLikeAPhone(camera: DrawnCamera, phone: { tracked: boolean }): void {
-  const picture = { width: PICTURE.width_px, height: PICTURE.height_px };
+  const picture = { width: PICTURE_SIZE.width_px, height: PICTURE_SIZE.height_px };
   const patched = globalThis as unknown as Record<'XRView' | 'XRFrame' | 'XRSession', {
     prototype: Patch;
   }> & { XRWebGLBinding: unknown };

@@ -1,0 +1,82 @@
+"""Responses in the wire's words."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterable, Mapping
+from http import HTTPStatus
+from typing import Literal
+
+import msgspec
+from starlette.responses import Response, StreamingResponse
+
+from peaking.server import wire
+
+ProblemKind = Literal[
+    "busy",
+    "disk-full",
+    "incomplete",
+    "invalid",
+    "not-paired",
+    "out-of-date",
+    "protocol",
+    "too-large",
+]
+
+TITLES: Mapping[ProblemKind, str] = {
+    "busy": "The server is busy",
+    "disk-full": "The server's disk is full",
+    "incomplete": "The form is incomplete",
+    "invalid": "The request is not valid",
+    "not-paired": "This device is not paired",
+    "out-of-date": "The page is out of date",
+    "protocol": "Client and server speak different versions of the protocol",
+    "too-large": "The request is too large",
+}
+PROBLEM_JSON = "application/problem+json"
+
+
+def json_response(value: object, *, status: int = 200) -> Response:
+    """Return a struct of the wire as JSON."""
+    return _json(value, status, "application/json", {})
+
+
+def problem(
+    status: int,
+    detail: str,
+    *,
+    kind: ProblemKind | None = None,
+    headers: Mapping[str, str] | None = None,
+) -> Response:
+    """Return a refusal as RFC 9457 has it: `detail` says what is wrong and what to do."""
+    described = wire.Problem(*type_and_title(status, kind), status=status, detail=detail)
+    return problem_response(described, headers)
+
+
+def type_and_title(status: int, kind: ProblemKind | None) -> tuple[str, str]:
+    """Return how a problem is told apart: by a URI of its own, or by the status alone."""
+    if kind is None:
+        return "about:blank", HTTPStatus(status).phrase
+    return f"urn:peaking:problem:{kind}", TITLES[kind]
+
+
+def problem_response(described: wire.Problem, headers: Mapping[str, str] | None = None) -> Response:
+    """Return a problem, or one with more fields."""
+    return _json(described, described.status, PROBLEM_JSON, headers or {})
+
+
+def event_stream(events: AsyncIterable[bytes]) -> Response:
+    """Return server-sent events, for as long as somebody reads."""
+    return StreamingResponse(
+        events,
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+def _json(value: object, status: int, media_type: str, headers: Mapping[str, str]) -> Response:
+    return Response(
+        msgspec.json.encode(value),
+        status,
+        {"Cache-Control": "no-store", **headers},
+        media_type=media_type,
+    )
