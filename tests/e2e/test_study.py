@@ -164,7 +164,7 @@ def test_a_whole_participant(
     heading(page, "Before we begin")
     picture(page, "1-consent")
     page.get_by_role("button", name="Continue").click()
-    heading(page, "Something is missing")
+    heading(page, "Some answers are missing")
     assert page.evaluate("document.activeElement.className") == "summary"
     pick(page, {"agreed": "yes", "images": "yes"})
     page.get_by_role("button", name="Continue").click()
@@ -182,7 +182,7 @@ def test_a_whole_participant(
     assert page.locator("#age").input_value() == "27"
     assert page.locator("#red_green-no").is_checked()
     hand_in(page)
-    heading(page, "Something is missing")
+    heading(page, "Some answers are missing")
     picture(page, "3-demographics-incomplete")
     # A second tab has what the first one has, and does not undo it.
     tab = open_page(phone, page.url, problems)
