@@ -137,7 +137,7 @@ def test_a_session_that_was_half_way_goes_on(opened: Opened) -> None:
         assert (without_depth["number"], without_depth["state"]) == (5, "failed")
         assert "depth" in without_depth["problem"]
         new = f"{session}/captures/{capture_id(6)}"
-        assert client.post(new, content=upload(6)).status_code == 201
+        assert client.put(new, content=upload(6)).status_code == 201
         assert capture_of(client, HALF_WAY, 6)["number"] == 6
         assert client.delete(f"{session}/captures/{capture_id(3)}").json()["removed"]
         assert client.patch(session, json={"finished": True}).json()["finished"]
@@ -230,8 +230,8 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
         step = client.get(f"{participants}/P02").json()["step"]
         assert (step["key"], step["draft"]) == ("t1.ask.sus", {"q1": 3})
         answers = {f"q{item}": 3 for item in range(1, 11)}
-        handed_in = {"step": "t1.ask.sus", "answers": answers}
-        assert client.post(f"{participants}/P02/answers", json=handed_in).is_success
+        form = f"{participants}/P02/steps/t1.ask.sus/answers"
+        assert client.put(form, json={"answers": answers}).is_success
         session = f"{SESSIONS}/{IN_STUDY.replace('b3', '01')}"
         photo = client.get(f"{session}/captures/{capture_id(1)}/photo")
         assert photo.content[:2] == b"\xff\xd8"
