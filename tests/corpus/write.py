@@ -24,12 +24,11 @@ import numpy as np
 from starlette.testclient import TestClient
 
 import peaking
-from capture_uploads import body_of, capture_id, header, points_m
+from capture_uploads import body_of, capture_id, header, new_session, points_m
 from peaking.cli import main
 from peaking.mpi_file import read_mpi
 from peaking.options import DEFAULT
 from peaking.output import encode_jpeg
-from peaking.server import wire
 from peaking.server.app import ServerConfig, create_app
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore
@@ -45,6 +44,7 @@ from recordings import Room, lateral_cameras, write_recording
 FINISHED = "5e551011-0000-4000-8000-0000000000f1"
 HALF_WAY = "6a1f0000-0000-4000-8000-0000000000a2"
 IN_STUDY = "57ad1000-0000-4000-8000-0000000000b3"
+BATCH = "ba7c4000-0000-4000-8000-000000000001"
 PHOTO_PX = (96, 128)
 DEPTH_PX = (24, 32)
 RECORDED_PX = (48, 64)
@@ -157,7 +157,7 @@ def _sessions(root: Path) -> None:
 
 
 def _begin(client: TestClient, session: str, name: str) -> None:
-    body = {"protocol": wire.PROTOCOL, "name": name, "source": "virtual", "device": "a test"}
+    body = new_session(name=name, device="a test")
     assert client.put(f"/api/v1/sessions/{session}", json=body).status_code == 201
 
 
@@ -192,8 +192,8 @@ def _peaked(client: TestClient, session: str) -> None:
         }
         for second in range(1, 9)
     ]
-    told = client.put(f"/api/v1/sessions/{session}/peaked/batch-01", json={"samples": samples})
-    assert told.status_code == 204
+    batch = f"/api/v1/sessions/{session}/peaked/{BATCH}"
+    assert client.put(batch, json={"samples": samples}).status_code == 204
 
 
 def _mpis(folder: Path, recording: Path) -> None:
@@ -286,40 +286,40 @@ def _participant(client: TestClient, name: str) -> None:
     console = f"/api/v1/study/console/participants/{name}"
     assert client.put(f"{own}/consent", json={"agreed": True, "images": True}).is_success
 
-    def order(what: str, step: str) -> None:
-        assert client.put(f"{console}/steps/{step}/{what}").is_success
+    def do(step: str) -> None:
+        for what in ("started", "finished"):
+            assert client.put(f"{console}/steps/{step}/{what}").is_success
 
     if client.get(own).json()["step"]["key"] == "t1.scan":
-        order("started", "t1.scan")
-        order("finished", "t1.scan")
-    order("started", "t1.capture")
+        do("t1.scan")
+    assert client.put(f"{console}/steps/t1.capture/started").is_success
     session = IN_STUDY.replace("b3", name[1:])
     linked = client.put(f"{own}/steps/t1.capture/session", json={"session": session})
     assert linked.is_success
     _begin(client, session, "Desk")
     _send(client, session, 1, upload(1))
     _wait(client, session)
-    for kind, second, more in (
-        ("CaptureBegun", 10.0, {}),
-        ("ViewTaken", 12.0, {"capture": capture_id(1)}),
-        ("ViewJoined", 12.5, {"capture": capture_id(1), "generated_s": 12.4}),
-        ("PeakedTold", 13.0, {"peaked_share": 0.25, "missing_share": 0.125, "views": 1}),
-        ("CaptureEnded", 40.0, {}),
+    for number, (kind, second, more) in enumerate(
+        (
+            ("CaptureBegun", 10.0, {}),
+            ("ViewTaken", 12.0, {"capture": capture_id(1)}),
+            ("ViewJoined", 12.5, {"capture": capture_id(1), "generated_s": 12.4}),
+            ("PeakedTold", 13.0, {"peaked_share": 0.25, "missing_share": 0.125, "views": 1}),
+            ("CaptureEnded", 40.0, {}),
+        )
     ):
         event = {"kind": kind, "id": f"{name}-{kind}", "step": "t1.capture", "time_s": second}
         told = {"session": session, "events": [event | more]}
-        batch = f"{own}/told/{name.lower()}-{kind.lower()}"
-        assert client.put(batch, json=told).status_code == 204
-    order("finished", "t1.capture")
-    order("started", "t1.review")
-    order("finished", "t1.review")
-    form = "t1.ask.sus"
+        assert client.put(f"{own}/told/{session[:-1]}{number}", json=told).status_code == 204
+    assert client.put(f"{console}/steps/t1.capture/finished").is_success
+    do("t1.review")
+    form = f"{own}/steps/t1.ask.sus"
     if name == "P01":
         answers = {f"q{item}": 4 if item % 2 else 2 for item in range(1, 11)}
-        handed_in = client.put(f"{own}/steps/{form}/answers", json={"answers": answers})
+        handed_in = client.put(f"{form}/answers", json={"answers": answers})
         assert handed_in.is_success
     else:
-        draft = client.patch(f"{own}/steps/{form}/draft", json={"answers": {"q1": 3}})
+        draft = client.patch(f"{form}/draft", json={"answers": {"q1": 3}})
         assert draft.is_success
 
 

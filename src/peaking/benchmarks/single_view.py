@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float32, UInt8
 
 from peaking.benchmarks import baselines
 from peaking.datasets import Recording, open_recording
+from peaking.error_map import exposure_gain
 from peaking.errors import RecordingError
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
@@ -44,9 +45,6 @@ MIN_OVERLAP = 0.6
 
 COVERED = 0.5
 """Alpha above which a pixel counts as drawn."""
-
-GAIN_LIMITS = (0.7, 1.4)
-"""Exposure gains outside are not exposure, and are cut off."""
 
 
 @dataclass(frozen=True)
@@ -275,7 +273,10 @@ def _read(recording: Recording, index: int, size_px: tuple[int, int] | None) -> 
 def score_pair(
     source: Frame, target: Frame, *, methods: Mapping[str, SingleViewRenderer], complete: Complete
 ) -> tuple[dict[str, Score], float] | None:
-    """Draw the target from the source by every method; return scores and the common share.
+    """Render the target from the source by every method; return scores and the common share.
+
+    The exposure gain is that of the error map; it is estimated once, from the splat, and applied to
+    all methods alike.
 
     None when the methods have too little in common to be compared.
     """
@@ -284,31 +285,13 @@ def score_pair(
     depth_m = complete(source.depth_m, source.rgb)
     photo = target.rgb.astype(np.float32) / np.float32(255.0)
     rendered = {name: method(source, depth_m, target.camera) for name, method in methods.items()}
-    gain = exposure_gain(render_splat(source, depth_m, target.camera), photo)
+    gain = exposure_gain(render_splat(source, depth_m, target.camera), target.rgb)
     rendered = {name: _with_gain(rendering, gain) for name, rendering in rendered.items()}
     common = np.logical_and.reduce([each.alpha > COVERED for each in rendered.values()])
     if common.mean() < 0.05:
         return None
     scores = {name: _score(each, photo, common) for name, each in rendered.items()}
     return scores, float(common.mean())
-
-
-def exposure_gain(
-    rendering: Rendering, photo: Float32[np.ndarray, "h w 3"]
-) -> Float32[np.ndarray, "3"]:
-    """Return per channel by what a rendering is to be multiplied to have the photograph's exposure.
-
-    The median ratio over opaque pixels that are neither dark nor saturated. `score_pair` estimates
-    it once, from the splat, and applies it to all methods alike.
-    """
-    rgb, alpha = rendering.rgba[..., :3], rendering.alpha
-    gains = np.ones(3, dtype=np.float32)
-    for c in range(3):
-        usable = (alpha > 0.99) & (rgb[..., c] > 0.1) & (rgb[..., c] < 0.9)
-        usable &= (photo[..., c] > 0.05) & (photo[..., c] < 0.95)
-        if usable.sum() >= 100:
-            gains[c] = np.median(photo[..., c][usable] / rgb[..., c][usable])
-    return np.clip(gains, *GAIN_LIMITS).astype(np.float32)
 
 
 def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "3"]) -> Rendering:

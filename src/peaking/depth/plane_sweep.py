@@ -146,7 +146,8 @@ def _agreed(
     agreed = np.zeros(len(ys), bool)
     for other in others:
         xy_px, depth_m = cameras[other].project(in_world_m)
-        inside = ((xy_px >= 0) & (xy_px < cameras[other].pinhole.size_px)).all(axis=1)
+        within = (xy_px >= 0) & (xy_px < cameras[other].pinhole.size_px)
+        inside = within[:, 0] & within[:, 1]
         column, row = np.where(inside[:, None], xy_px, 0).astype(np.int64).T
         there = found[other][row, column]
         near = np.abs(there - 1 / np.where(inside, depth_m, 1)) < MAX_PLANES_APART * step

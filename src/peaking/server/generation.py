@@ -19,7 +19,7 @@ from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
 from peaking.server import wire
-from peaking.server.durable import DiskFull
+from peaking.server.disk_full import DiskFull
 from peaking.server.open_session import FAST, OpenSession
 from peaking.server.upload import camera_of_wire
 from peaking.view_builder import ViewBuilder
