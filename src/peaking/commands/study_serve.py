@@ -42,6 +42,7 @@ class ServeStudy:
         from peaking.commands.serving import check_port, https_origins, say_skipped
         from peaking.options import PRESETS
         from peaking.server.app import ServerConfig, create_app
+        from peaking.server.events import Hub
         from peaking.server.run import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore
         from peaking.server.study.app import StudyConfig, create_study_app
@@ -67,8 +68,10 @@ class ServeStudy:
             sessions = SessionStore(self.folder / "sessions")
             for problem in sessions.problems:
                 say_skipped(problem)
+            hubs = Hub(), Hub()  # of the capture server, and of the study
             capture = create_app(
                 store=sessions,
+                hub=hubs[0],
                 config=ServerConfig(
                     token=token,
                     client_dir=CLIENT_DIR,
@@ -80,6 +83,7 @@ class ServeStudy:
                 study=study,
                 sessions=sessions,
                 capture=capture,
+                hub=hubs[1],
                 config=StudyConfig(
                     token=token,
                     console_token=console_token,
@@ -100,4 +104,8 @@ class ServeStudy:
                 print(f"Folder of the study:  {self.folder.resolve()}")
                 print("Stop with Ctrl-C.", flush=True)
 
-            run(listener, app, context=context, started=started)
+            def stopping() -> None:
+                for hub in hubs:
+                    hub.close()
+
+            run(listener, app, context=context, started=started, stopping=stopping)

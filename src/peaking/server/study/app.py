@@ -74,11 +74,13 @@ class StudyConfig:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, study: OpenStudy, sessions: SessionStore, config: StudyConfig) -> None:
+    def __init__(
+        self, study: OpenStudy, sessions: SessionStore, config: StudyConfig, hub: Hub
+    ) -> None:
         self.study = study
         self.sessions = sessions
         self.config = config
-        self.hub = Hub()
+        self.hub = hub
 
     async def openapi(self, _: Request) -> Response:
         """Describe the capture server's addresses and the study's."""
@@ -225,10 +227,18 @@ class _Handlers:
 
 
 def create_study_app(
-    *, study: OpenStudy, sessions: SessionStore, capture: Starlette, config: StudyConfig
+    *,
+    study: OpenStudy,
+    sessions: SessionStore,
+    capture: Starlette,
+    config: StudyConfig,
+    hub: Hub | None = None,
 ) -> Starlette:
-    """Return the application of a study around the one of the capture server."""
-    handlers = _Handlers(study, sessions, config)
+    """Return the application of a study around the one of the capture server.
+
+    Closing the hub ends the streams of events of the study's own pages.
+    """
+    handlers = _Handlers(study, sessions, config, hub or Hub())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
