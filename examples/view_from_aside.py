@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from peaking.datasets import open_recording
-from peaking.geometry import Rigid
+from peaking.geometry import Cam, Rigid
 from peaking.mpi_file import read_mpi, write_mpi
 from peaking.rendering import render
 from peaking.view_builder import ViewBuilder
@@ -21,7 +21,7 @@ frame = open_recording(scene).read(0)
 write_mpi(mpi_file, ViewBuilder().generate(frame))
 
 mpi = read_mpi(mpi_file)
-cam_from_aside = Rigid(np.eye(3), np.array([0.1, 0.0, 0.0]))
+cam_from_aside = Rigid[Cam, Cam](np.eye(3), np.array([0.1, 0.0, 0.0]))
 aside = replace(mpi.camera, world_from_cam=mpi.camera.world_from_cam @ cam_from_aside)
 rendering = render(mpi, aside)
 
