@@ -84,7 +84,8 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_what_measures_can_write_json() -> None:
-    for name in ("quality", "bench", "bench live", "bench generators", "plan", "splat"):
+    names = ("replay", "evaluate", "quality", "bench", "bench live", "bench generators", "plan")
+    for name in (*names, "splat"):
         command: Any = COMMANDS[name]
         assert "json" in {field.name for field in dataclasses.fields(command)}
 

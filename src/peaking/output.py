@@ -51,7 +51,7 @@ def complete_or_absent(out: Path) -> Generator[Path, None, None]:
             with _explained(out, partial):
                 _flush_tree(partial)
                 partial.rename(target)
-                _flush(target.parent)
+                flush(target.parent)
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
             raise
@@ -71,9 +71,9 @@ def write_atomically(path: Path, data: bytes) -> None:
         try:
             with _explained(path, partial):
                 partial.write_bytes(data)
-                _flush(partial)
+                flush(partial)
                 partial.replace(target)
-                _flush(target.parent)
+                flush(target.parent)
         except BaseException:
             with contextlib.suppress(OSError):  # a read-only disk refuses this too
                 partial.unlink(missing_ok=True)
@@ -150,7 +150,7 @@ def _parents_made(target: Path, out: Path) -> Generator[None, None, None]:
             for parent in reversed(missing):
                 parent.mkdir(exist_ok=True)
                 made.append(parent)
-                _flush(parent.parent)
+                flush(parent.parent)
         yield
     except BaseException:
         for parent in reversed(made):
@@ -210,11 +210,11 @@ def _free_mb(out: Path) -> float:
 def _flush_tree(folder: Path) -> None:
     for place, _, names in os.walk(folder):
         for name in names:
-            _flush(Path(place) / name)
-        _flush(Path(place))
+            flush(Path(place) / name)
+        flush(Path(place))
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
     """Wait until a file, or the names in a folder, are on the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:

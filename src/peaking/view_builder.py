@@ -141,3 +141,19 @@ class ViewBuilder:
             except NothingToAlign as error:
                 raise NothingToAlign(f"{frame.name}: {error}") from error
             return mpi.scaled(scale)
+
+
+def generate(frame: Frame, options: Options = DEFAULT) -> Mpi:
+    """Return the MPI of one frame, in metres if its depth is, or if it can be estimated so.
+
+    Args:
+        frame: A picture with its camera and metric depth; without depth, the options name a depth
+            model, and without anything else that is known the scale is a guess.
+        options: How it is generated.
+
+    Raises:
+        PeakingError: The frame has no metric depth, and there is no depth model.
+        BackendUnavailable: What the options name needs PyTorch, or CUDA, which is not there.
+        CheckpointError: Its checkpoint is missing or cannot be used.
+    """
+    return ViewBuilder(options).build(frame).mpi

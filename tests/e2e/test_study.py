@@ -103,7 +103,7 @@ def pick(page: Page, answers: dict[str, str]) -> None:
 
 
 def hand_in(page: Page) -> None:
-    page.get_by_role("button", name="Hand in").click()
+    page.get_by_role("button", name="Submit").click()
 
 
 def heading(page: Page, text: str) -> None:
@@ -164,7 +164,7 @@ def test_a_whole_participant(
     heading(page, "Before we begin")
     picture(page, "1-consent")
     page.get_by_role("button", name="Continue").click()
-    heading(page, "Something is missing")
+    heading(page, "Some answers are missing")
     assert page.evaluate("document.activeElement.className") == "summary"
     pick(page, {"agreed": "yes", "images": "yes"})
     page.get_by_role("button", name="Continue").click()
@@ -182,7 +182,7 @@ def test_a_whole_participant(
     assert page.locator("#age").input_value() == "27"
     assert page.locator("#red_green-no").is_checked()
     hand_in(page)
-    heading(page, "Something is missing")
+    heading(page, "Some answers are missing")
     picture(page, "3-demographics-incomplete")
     # A second tab has what the first one has, and does not undo it.
     tab = open_page(phone, page.url, problems)
@@ -240,7 +240,7 @@ def test_a_whole_participant(
         page.keyboard.press("ArrowLeft")
         assert easy.get_by_role("radio", name="4", exact=True).is_checked()
         pick(page, {f"q{i}": "4" if i % 2 else "2" for i in range(1, 11) if i != 3})
-        page.get_by_role("button", name="Hand in").dblclick()
+        page.get_by_role("button", name="Submit").dblclick()
         fill_tlx(page)
 
     heading(page, "In your own words")
@@ -297,7 +297,7 @@ def test_a_guided_trial_scans_first(phone: BrowserContext, server: LiveServer) -
             break
     picture(page, "guide-1-scan", whole=False)
     page.get_by_role("button", name="Take a view (space)").click()
-    page.get_by_text("The experimenter starts the next part.").wait_for()
+    page.get_by_text("The experimenter will start the next part.").wait_for()
     console.bring_to_front()
     press(console, "Start", "capture")
     page.bring_to_front()
@@ -306,7 +306,7 @@ def test_a_guided_trial_scans_first(phone: BrowserContext, server: LiveServer) -
     shoot(page, 1)
     page.locator(".shoot .side:last-child button").click()
     page.locator(".study-sheet .primary").click()
-    page.get_by_text("The experimenter starts the next part.").wait_for()
+    page.get_by_text("The experimenter will start the next part.").wait_for()
     console.bring_to_front()
     press(console, "Start", "review")
     page.bring_to_front()

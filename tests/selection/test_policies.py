@@ -23,7 +23,7 @@ from peaking.selection.registry import (
     NeedsWholePath,
     SelectionOptions,
     create_policy,
-    select,
+    select_from,
 )
 from peaking.selection.spacing import Spacing, spaced
 from peaking.selection.threshold import Threshold, taken_at
@@ -132,7 +132,7 @@ def test_a_rotation_can_count_as_a_way() -> None:
 @pytest.mark.parametrize("count", [2, 5])
 def test_every_policy_gives_as_many_as_asked(frames: RecordedFrames, name: str, count: int) -> None:
     numbers = [i for i in range(NUM_FRAMES) if i % 3]
-    chosen = select(frames.path(numbers), SelectionOptions(name, num_views=count), SMALL)
+    chosen = select_from(frames.path(numbers), SelectionOptions(name, num_views=count), SMALL)
     assert chosen == sorted(set(chosen))
     assert set(chosen) <= set(numbers)
     assert len(chosen) == (len(numbers) if name == "all" else count)
@@ -207,7 +207,7 @@ def test_impossible_selections_are_refused(bad: dict[str, object]) -> None:
 
 def test_random_follows_its_seed(frames: RecordedFrames) -> None:
     once, again, other = (
-        select(whole(frames), SelectionOptions("random", num_views=6, seed=seed), SMALL)
+        select_from(whole(frames), SelectionOptions("random", num_views=6, seed=seed), SMALL)
         for seed in (3, 3, 4)
     )
     assert once == again
@@ -229,14 +229,14 @@ def test_who_stands_still_keeps_one_view(tmp_path: Path) -> None:
     cameras = [walked[0]] * 6 + walked[1:]
     write_recording(tmp_path / "still", cameras=cameras)
     still = RecordedFrames(open_recording(tmp_path / "still"), SMALL)
-    chosen = select(
+    chosen = select_from(
         still.path(range(len(cameras))), SelectionOptions("peaking", num_views=3), SMALL
     )
     assert sum(i < 6 for i in chosen) <= 1
 
 
 def test_peaking_covers_the_whole_walk(frames: RecordedFrames) -> None:
-    chosen = select(whole(frames), SelectionOptions("peaking", num_views=4), SMALL)
+    chosen = select_from(whole(frames), SelectionOptions("peaking", num_views=4), SMALL)
     assert np.diff([0, *chosen, NUM_FRAMES - 1]).max() <= NUM_FRAMES // 2
 
 

@@ -194,7 +194,7 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("peaking.server.open_session.write_durably", full)
+        patch.setattr("peaking.server.open_session.write_atomically", full)
         answer = client.put(capture_path(1), content=upload(1))
     assert answer.status_code == 507
     assert answer.json()["type"] == "urn:peaking:problem:disk-full"

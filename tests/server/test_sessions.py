@@ -32,7 +32,7 @@ from peaking.mpi import Mpi
 from peaking.mpi_file import encode
 from peaking.server import wire
 from peaking.server.dataset import zip_stream
-from peaking.server.durable import DiskFull
+from peaking.server.disk_full import DiskFull
 from peaking.server.open_session import OpenSession, UnknownCapture
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import parse_upload

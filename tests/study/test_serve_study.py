@@ -304,7 +304,7 @@ def test_who_is_erased_is_gone_and_the_pseudonym_stays_taken(
     assert log_of(study, "P01").path.is_file()
     erase_participant(study, "P01")
     assert not (study / "participants" / "P01").exists()
-    with pytest.raises(StudyError, match="nobody yet"):
+    with pytest.raises(StudyError, match="none yet"):
         erase_participant(study, "P01")
     with open_client(study) as again:
         assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}

@@ -117,7 +117,7 @@ def test_a_translation_is_a_file_to_write_over(
     assert [c.text for c in texts.form("demographics").item("hand").choices][1] == "Links"
     assert texts.task("capture") == "Nimm auf."
     assert "exists already" in refused(capsys, "init", str(folder), "--language", "de")
-    assert "need a --language" in refused(capsys, "init", str(folder), "--language", "../x")
+    assert "need --language" in refused(capsys, "init", str(folder), "--language", "../x")
 
 
 @pytest.mark.parametrize(
@@ -193,4 +193,4 @@ def test_export_of_nobody(study: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert "choose from: P01" in said
     assert not out.exists()
     said = refused(capsys, "export", str(tmp_path / "no"), "P01", "--out", str(out))
-    assert "nobody yet" in said
+    assert "none yet" in said

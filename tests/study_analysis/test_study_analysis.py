@@ -76,7 +76,7 @@ def test_holm_within_the_family_alone() -> None:
         expected[index] = highest
     assert [of(found, n).p_corrected for n in names[:3]] == pytest.approx(expected)
     assert of(found, "peaked_mean").p_corrected is None
-    assert "(explored, not corrected)" in sentence(of(found, "peaked_mean"), two)
+    assert "(exploratory, not corrected)" in sentence(of(found, "peaked_mean"), two)
     assert "after Holm’s correction of 3 tests (task)" in sentence(of(found, "tct_s"), two)
 
 

@@ -120,7 +120,7 @@ def test_three_participants_get_sentences(tmp_path: Path) -> None:
     write_study(tmp_path / "study", PAPER, participants=3, seed=1)
     analyse_folder(tmp_path / "study", tmp_path / "out", version="0")
     text = (tmp_path / "out" / "results.txt").read_text("utf-8")
-    assert "no test was made (needs 5 participants, there are 3)" in text
+    assert "not tested (needs 5 participants, there are 3)" in text
 
 
 def test_nobody_who_counts_is_an_error_and_leaves_nothing(
@@ -130,15 +130,15 @@ def test_nobody_who_counts_is_an_error_and_leaves_nothing(
     with pytest.raises(SystemExit) as stopped:
         main(["study", "analyse", str(tmp_path), "--out", str(tmp_path / "out")])
     assert stopped.value.code == 2
-    assert "has no participant who counts" in capsys.readouterr().err
+    assert "has no participants to analyse" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--participants", "0"], "--participants from 1 to 9999"),
-        (["--seed", "-1"], "--seed of 0 or more"),
+        (["--participants", "0"], "--participants of 1..9999"),
+        (["--seed", "-1"], "--seed of at least 0"),
     ],
 )
 def test_wrong_arguments(

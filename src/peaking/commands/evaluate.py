@@ -23,12 +23,12 @@ StrategyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Find out which way of choosing views gives the better models: the paper's Table 1.
+    """Compare view-selection strategies by the models that their views give: the paper's Table 1.
 
-    From recordings, strategies choose equally many views; MPIs or 3D Gaussians are made of them,
-    and views that were kept back are rendered and compared with their photographs. Writes
-    report.html, results.json, views.csv, table.md and table.tex. What is done is kept: run the same
-    command again to go on after Ctrl-C.
+    Strategies choose equally many views from recordings; MPIs or 3D Gaussians are made from these,
+    and held-out views are rendered and compared with their photographs. Writes report.html,
+    results.json, views.csv, table.md and table.tex. Finished steps are kept: after Ctrl-C, run the
+    same command again to continue.
 
     Examples:
       peaking evaluate scenes/desk --out out/desk
@@ -38,48 +38,54 @@ class Evaluate:
     """
 
     scenes: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Nerfstudio folders with depth (without: 3dgs and strategies that go by poses only)."""
+    """Nerfstudio folders with depth (without depth: only 3dgs, and strategies that use poses)."""
     out: Path
-    """Folder for the results."""
+    """Folder to write the results to."""
     strategies: tuple[StrategyName, ...] = (
         "peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all",
     )  # fmt: skip
-    """View-selection strategies to compare, all with `peaking`, or with the first without it."""
+    """View-selection strategies; all are compared with `peaking`, or with the first if it is not
+    among them."""
     reconstruct: tuple[Literal["mpi", "3dgs"], ...] = ("mpi",)
-    """What is made of the views; 3dgs trains for a minute or two per data set on a CPU."""
+    """What is made from the views; 3dgs trains for a minute or two per set of views on a CPU."""
     test_views: tuple[Literal["holdout", "paper"], ...] = ("holdout",)
-    """Every n-th frame, never a candidate; or the middle frame between every two of Uniform."""
+    """`holdout`: every n-th frame, which no strategy may choose; `paper`: the middle frame between
+    every two views of Uniform."""
     views: tuple[str, ...] = ()
-    """Numbers of views, or `threshold-count`: as many as `threshold` takes (three budgets)."""
+    """Numbers of views, or `threshold-count`: as many as `threshold` takes. Default: three
+    budgets."""
     threshold: float = PAPER_PEAKED_SHARE
-    """Peaked share, 0…1, at which `threshold-count` counts (the paper's)."""
+    """With --views threshold-count: peaked share, 0…1, of that threshold (the paper's)."""
     seeds: int = 5
-    """Repetitions of what is random."""
-    uniform_rotation: float = 0.0
-    """Metres of path that a rotation by one radian counts as for `uniform`; 0: places only."""
+    """Repetitions of random strategies."""
+    uniform_m_per_rad: float = 0.0
+    """Metres of path that a rotation by one radian counts as for `uniform`; 0: positions only."""
     iterations: int = 2000
-    """Steps of 3dgs training."""
+    """Training steps of 3dgs."""
     splat_pixels: int = 57280
-    """Pixels of the pictures in 3dgs training and its test (179×320)."""
+    """Size in pixels of the pictures that 3dgs is trained and tested on (179×320)."""
     backend: Literal["numba", "gsplat"] = "numba"
-    """3dgs on the CPU, or with CUDA (extra [splat])."""
+    """Train 3dgs on the CPU (numba) or on CUDA (gsplat, extra `splat`)."""
     cameras: Literal["recorded", "colmap"] = "recorded"
-    """Where 3dgs takes views and test views to be: as recorded, or as COLMAP says (extra
-    [colmap]), as in the paper."""
-    lpips_weights: Path | None = None
-    """Folder with torchvision's alexnet-owt-7be5be79.pth, for LPIPS."""
+    """Camera poses of 3dgs: the recorded ones or, as in the paper, COLMAP's (extra `colmap`)."""
+    lpips_checkpoints: Path | None = None
+    """Folder with torchvision's alexnet-owt-7be5be79.pth, for LPIPS; default: the folder that
+    `peaking checkpoints` prints."""
     workers: int | None = None
-    """Processes; one per core without."""
+    """Number of processes; default: one per core."""
     ray: str | None = None
-    """Run as Ray tasks (extra [ray]): the address of a cluster, or `local`."""
+    """Run as Ray tasks (extra `ray`): the address of a cluster, or `local`."""
+    json: Path | None = None
+    """Also write results.json to this file."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
-        """Evaluate, print the table, and say where the report is."""
+        """Evaluate, print the table and the path of the report."""
         from tqdm import tqdm
 
         from peaking.experiments.run import evaluate
-        from peaking.experiments.tables import table_md
+        from peaking.experiments.tables import results_json, table_md
+        from peaking.output import write_atomically
 
         def shown(
             steps: Iterable[tuple[Step, Found]], total: int, what: str
@@ -89,6 +95,8 @@ class Evaluate:
         with checked_arguments():
             plan = self._plan()
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
+        if self.json is not None:
+            write_atomically(self.json, results_json(evaluation).encode())
         print(table_md(evaluation))
         if evaluation.costs is not None:
             print(evaluation.costs.line())
@@ -107,10 +115,10 @@ class Evaluate:
             views=_views(self.views),
             threshold_share=self.threshold,
             seeds=self.seeds,
-            uniform_metres_per_rad=self.uniform_rotation,
+            uniform_metres_per_rad=self.uniform_m_per_rad,
             splat=SplatTraining(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
-            lpips_folder=self.lpips_weights,
+            lpips_folder=self.lpips_checkpoints,
         )
 
     def _executor(self) -> Executor:

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Render:
-    """Render an .mpi file, or the views of a recording, from a pose, as a PNG.
+    """Render an .mpi file, or the views of a recording, from a pose, and write a PNG.
 
-    The pose is that of the .mpi file (of a recording: of its frame `--frame`), moved by `--move-m`
-    and turned by `--turn-deg`.
+    The pose is that of the .mpi file or, for a recording, of its frame `--frame`, moved by
+    `--move-m` and turned by `--turn-deg`.
 
     Examples:
       peaking render view.mpi --move-m 0.1 0 0 --out right.png
@@ -31,17 +31,17 @@ class Render:
     """
 
     source: Annotated[Path, tyro.conf.Positional]
-    """An .mpi file, or a nerfstudio folder whose frames are all used as captured views."""
+    """An .mpi file, or a nerfstudio folder; all its frames are used as captured views."""
     out: Path
     """The PNG file to write; an old one is replaced."""
     frame: int = 0
-    """Of a folder: the frame whose camera the pose starts from."""
+    """For a folder: number of the frame whose camera the pose starts from."""
     move_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Metres to the right, down and forward."""
+    """Movement to the right, down and forward (metres)."""
     turn_deg: tuple[float, float] = (0.0, 0.0)
-    """Degrees to the right and down."""
+    """Rotation to the right and down (degrees)."""
     show: Literal["colour", "alpha", "depth"] = "colour"
-    """Colour over black with alpha, alpha as grey, or depth as 16-bit millimetres."""
+    """Colour with alpha, alpha as grey, or depth as 16-bit millimetres."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
@@ -59,7 +59,9 @@ class Render:
             straight = np.dstack([rendering.rgb(), rendering.alpha])
             picture = np.clip(straight * 255.0 + 0.5, 0, 255).astype(np.uint8)
         write_atomically(self.out, encode_png(picture))
-        print(f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture was seen by a view")
+        print(
+            f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture is covered by a view"
+        )
 
     def _light_field_and_camera(self) -> tuple[LightField, Camera]:
         from peaking.datasets import open_recording
@@ -78,7 +80,7 @@ class Render:
             raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
         scene = Reconstruction(options)
         start = scene.prepare(recording.read(self.frame)).camera
-        # Far views would not take part: only the nearest few are made.
+        # Views far away would not be used: only the nearest few are generated.
         target = self._moved(start)
         near = nearest_by_distance(recording.cameras, target, count=4 * options.neighbours)
         for neighbour in near:

@@ -66,13 +66,16 @@ class Replay:
     """Frames per second of the video."""
     no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Write no overlay.mp4, which needs the program ffmpeg."""
+    json: Path | None = None
+    """Also write summary.json to this file."""
     method: MethodFlags = field(default_factory=MethodFlags)
 
     def run(self) -> None:
-        """Replay, and say where the report is."""
+        """Replay, and print where the report is."""
         from tqdm import tqdm
 
         from peaking.datasets import open_recording
+        from peaking.output import write_atomically
         from peaking.replay.guided import GuideOptions
         from peaking.replay.run import ReplayOptions, replay
         from peaking.replay.video import find_h264_encoder
@@ -118,6 +121,8 @@ class Replay:
 
         with bar:
             summary = replay(how, self.out, progress=shown)
+        if self.json is not None:
+            write_atomically(self.json, (self.out / "summary.json").read_bytes())
         mean = summary.mean_peaked_share
         share = "" if mean is None else f"; on average {mean:.2%} of the pixels were red"
         print(f"captured {summary.captured} of {summary.frames} frames{share}")

@@ -31,11 +31,12 @@ FORMATS: Sequence[Format] = (
 """Asked in this order; what none recognises is opened as the first, whose complaint is shown."""
 
 
-def open_recording(path: Path) -> Recording:
+def open_recording(path: Path | str) -> Recording:
     """Open a recording of any format.
 
     Raises:
         RecordingError: The first thing that is wrong, with its file, field and remedy.
     """
-    chosen = next((known for known in FORMATS if known.recognises(path)), FORMATS[0])
-    return chosen.open(path)
+    root = Path(path)
+    chosen = next((known for known in FORMATS if known.recognises(root)), FORMATS[0])
+    return chosen.open(root)

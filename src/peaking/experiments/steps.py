@@ -21,7 +21,7 @@ from peaking.experiments.splits import MIN_VIEWS, split
 from peaking.frame import Frame
 from peaking.options import Options
 from peaking.selection.recorded_frames import RecordedFrames
-from peaking.selection.registry import SelectionOptions, select
+from peaking.selection.registry import SelectionOptions, select_from
 from peaking.selection.threshold import taken_at
 
 Found = dict[str, Any]
@@ -115,7 +115,7 @@ def _choose(frames: RecordedFrames, step: ChooseStep, wall_s: Clock) -> Found:
             uniform_metres_per_rad=metres_per_rad,
             seed=step.seed,
         )
-        views = select(frames.path(parts.candidates), how, step.options)
+        views = select_from(frames.path(parts.candidates), how, step.options)
     if step.strategy != "all" and len(views) != step.num_views:
         raise RecordingError(
             step.scene,

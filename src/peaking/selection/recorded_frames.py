@@ -18,10 +18,11 @@ from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.light_field import Scratch, choose_views, compare_with, render_views
 from peaking.mpi import Mpi
-from peaking.options import Options
+from peaking.options import DEFAULT, Options
 from peaking.rendering import Rendering
 from peaking.selection.mpi_files import MpiFiles
 from peaking.selection.policy import CandidatePath
+from peaking.selection.registry import SelectionOptions, select_from
 from peaking.timing import Stopwatch
 from peaking.view_builder import ViewBuilder
 from peaking.view_weights import Neighbour
@@ -210,6 +211,31 @@ class RecordedCandidate:
     def peaked_share(self, views: Sequence[int]) -> float:
         """Return how much of it is red, 0…1, where these views show it."""
         return self.frames.peaked_share(self.number, self.frames.neighbours(views, self.camera))
+
+
+def select(
+    recording: Recording,
+    num_views: int | None = None,
+    *,
+    how: SelectionOptions | None = None,
+    options: Options = DEFAULT,
+) -> list[int]:
+    """Return the numbers of the frames of a recording that a policy chooses.
+
+    Args:
+        recording: What to choose from; frames without depth are left out where any has it.
+        num_views: How many to choose by the product's own policy, unless `how` says otherwise.
+        how: Which policy, and by what it goes.
+        options: How views are built, rendered and compared.
+
+    Raises:
+        ValueError: What the policy goes by is missing, or there are too few frames.
+        RecordingError: A frame cannot be read.
+    """
+    frames = RecordedFrames(recording, options)
+    usable = list(frames.with_depth) or list(range(len(frames)))
+    chosen = how or SelectionOptions("peaking", num_views=num_views)
+    return select_from(frames.path(usable), chosen, options)
 
 
 def _name_of(options: Options) -> str:

@@ -135,7 +135,9 @@ def create_policy(
     return Chosen(dict.fromkeys(choose(path, count, rng), how.policy))
 
 
-def select(path: CandidatePath, how: SelectionOptions, options: Options = DEFAULT) -> list[int]:
+def select_from(
+    path: CandidatePath, how: SelectionOptions, options: Options = DEFAULT
+) -> list[int]:
     """Return the numbers of the views that a policy chooses from a path, in its order.
 
     Raises:

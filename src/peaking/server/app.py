@@ -30,7 +30,7 @@ from peaking.output import encode_jpeg, write_atomically
 from peaking.server import wire
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
-from peaking.server.durable import DiskFull, room_explained
+from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession

@@ -33,7 +33,7 @@ from peaking.server.dataset import (
     points_name,
     transforms_json,
 )
-from peaking.server.durable import DiskFull, room_explained, write_durably
+from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.session_log import SessionLog
 from peaking.server.upload import Upload, camera_of_wire
 
@@ -229,7 +229,7 @@ class OpenSession:
             try:
                 with room_explained():
                     for name, data in files.items():
-                        write_durably(self.folder / name, data)
+                        write_atomically(self.folder / name, data)
                     self._log.append(stored)
             except DiskFull:
                 for name in files:

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from peaking.errors import OutputError, RecordingError
-from peaking.output import write_atomically
+from peaking.output import flush, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
-from peaking.server.durable import DiskFull, flush_names, room_explained
+from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.open_session import (
     ERASED,
     FOLDERS,
@@ -103,7 +103,7 @@ class SessionStore:
             except DiskFull:
                 shutil.rmtree(hidden, ignore_errors=True)
                 raise
-            flush_names(self.root)
+            flush(self.root)
             session = OpenSession(folder, clock=self._clock)
             self._sessions[session_id] = session
             return session, True

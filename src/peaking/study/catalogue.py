@@ -52,7 +52,7 @@ TASK_MEASURES = (
         "Waiting",
         "s",
         kind="time",
-        description="Time in which a view that was taken had not joined the picture yet",
+        description="Time in which a captured view was not yet part of the reconstruction",
     ),
     _m(
         "interrupted_s",
@@ -63,29 +63,27 @@ TASK_MEASURES = (
     ),
     _m("scan_s", "Scanning", "s", kind="time", description="Scan of the scene, before the capture"),
     _m("captures", "Captured views", "views", kind="count", description="Without undone ones"),
-    _m(
-        "undone", "Undone views", "views", kind="count", description="Taken back by the participant"
-    ),
+    _m("undone", "Undone views", "views", kind="count", description="Undone by the participant"),
     _m(
         "peaked_mean",
         "Peaked share, mean",
         "%",
         kind="share",
-        description="Share of peaked pixels over the time of the task",
+        description="Mean share of peaked pixels during the task",
     ),
     _m(
         "peaked_at_shutter",
         "Peaked share at the shutter",
         "%",
         kind="share",
-        description="Mean over the views of the last share told before each was taken",
+        description="Mean over the views of the last share measured before each was taken",
     ),
     _m(
         "peaked_last",
         "Peaked share at the end",
         "%",
         kind="share",
-        description="Last share told in the task",
+        description="Last share measured in the task",
     ),
     _m(
         "tracking_losses",
@@ -99,7 +97,7 @@ TASK_MEASURES = (
         "Time without tracking",
         "s",
         kind="time",
-        description="How long it did not know its position",
+        description="How long the phone did not know its position",
     ),
 )
 

@@ -133,7 +133,7 @@ def _record(study: Path, participant: str) -> ParticipantRecord:
         raise StudyError(
             study,
             f"there is no participant {participant!r}",
-            remedy=f"choose from: {', '.join(known) or 'nobody yet'}",
+            remedy=f"choose from: {', '.join(known) or 'none yet'}",
         )
     return record_of(read_events(log_of(study, participant)))
 

@@ -64,7 +64,7 @@ class Tasks(Struct, frozen=True):
 
     introduction: Text = ""
     practice: Text = ""
-    scan: Text = "Scan the scene: move the phone slowly past everything you see."
+    scan: Text = "Scan the scene: move the phone slowly so that it sees everything."
     capture: Text = "Photograph the scene until you are satisfied, then press Finish."
     review: Text = "Look at the result from all sides."
 
@@ -266,19 +266,19 @@ def _check(protocol: Protocol, file: Path) -> None:
         if condition.guide == "plenoptic" and condition.overlay == "peaks":
             refuse(
                 f"conditions[{index}].overlay",
-                "a guide and the error peaking cannot be shown at once",
+                "a guide and the error peaking cannot be shown together",
                 'write: overlay = "none"',
             )
         if condition.area_side_m is not None and condition.guide == "none":
             refuse(
                 f"conditions[{index}].area_side_m",
-                "it is the area of a guide, and there is none",
+                "needs a guide, and there is none",
                 'write: guide = "plenoptic", or leave area_side_m out',
             )
         if condition.scan and condition.guide == "none":
             refuse(
                 f"conditions[{index}].scan",
-                "nothing is scanned without a guide",
+                "a scan needs a guide, and there is none",
                 'write: guide = "plenoptic", or leave scan out',
             )
 
@@ -290,27 +290,27 @@ def remarks(protocol: Protocol) -> list[str]:
     cells = rows * len(_scene_orders(protocol))
     if planned % rows and protocol.order == "ab-ba" and protocol.design == "within":
         said.append(
-            f"planned_participants is {planned}, an odd number: one of the orders AB and BA is "
-            f"done once more than the other; plan {planned + 1} to balance them."
+            f"planned_participants is {planned}, an odd number: one of the orders AB and BA "
+            f"occurs once more than the other; plan {planned + 1} to balance them."
         )
     elif planned % rows:
         said.append(
-            f"planned_participants is {planned}, no multiple of the {rows} "
-            f"{'orders' if protocol.design == 'within' else 'groups'}: they are not equally "
-            f"often done; plan {_up(planned, rows)} to balance them."
+            f"planned_participants is {planned}, not a multiple of the {rows} "
+            f"{'orders' if protocol.design == 'within' else 'groups'}: they do not "
+            f"occur equally often; plan {_up(planned, rows)} to balance them."
         )
     elif planned % cells:
         said.append(
             f"planned_participants is {planned}: conditions are balanced, but not every order of "
-            f"scenes meets every order of conditions equally often; plan {_up(planned, cells)}."
+            f"scenes is equally often with every order of conditions; plan {_up(planned, cells)}."
         )
     if protocol.order == "fixed" and len(protocol.conditions) > 1 and protocol.design == "within":
         said.append(
-            "order is 'fixed': everybody does the conditions in the same order, so learning and "
-            "fatigue cannot be told from the conditions."
+            "order is 'fixed': all participants do the conditions in the same order, so learning "
+            "and fatigue cannot be separated from the conditions."
         )
     if not protocol.consent.strip():
-        said.append("consent is empty: participants are not asked on the phone; ask on paper.")
+        said.append("consent is empty: the phone does not ask for consent; ask on paper.")
     return said
 
 

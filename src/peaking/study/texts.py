@@ -167,8 +167,11 @@ class Texts:
 
 
 def template(protocol: Protocol) -> str:
-    """Return a translation file with everything in English, to be written over."""
-    lines = ["# Write the translation over the English; lines that are left out stay English.", ""]
+    """Return a translation file with everything in English, to translate."""
+    lines = [
+        "# Replace the English texts by their translations; lines that are left out stay English.",
+        "",
+    ]
     lines += ["[pages]", *_lines(english()), "", "[protocol]"]
     tasks = {name: getattr(protocol.tasks, name) for name in TASK_WORDS}
     lines += _lines({"consent": protocol.consent, **tasks})

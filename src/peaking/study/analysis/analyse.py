@@ -19,7 +19,7 @@ from peaking.study.protocol import Protocol
 from peaking.study.statistics.decision import Decision, decide_groups, decide_paired
 from peaking.study.statistics.holm import holm
 from peaking.study.statistics.order_effects import OrderEffects, order_effects
-from peaking.study.statistics.outcome import FEWEST, Result, Untestable
+from peaking.study.statistics.outcome import MIN_SAMPLE, Result, Untestable
 from peaking.study.statistics.power import (
     WANTED,
     WILCOXON_EFFICIENCY,
@@ -177,7 +177,7 @@ def _analyse_one(protocol: Protocol, matrix: Matrix, incomplete: np.ndarray) -> 
         if protocol.design == "within":
             values = matrix.values[~out]
             decision = decide_paired(values, labels, alpha=protocol.alpha)
-            if len(values) >= FEWEST:
+            if len(values) >= MIN_SAMPLE:
                 order = order_effects(values, matrix.places[~out])
         else:
             kept = matrix.values[~out]
@@ -247,7 +247,7 @@ def _sensitivity(
     """Return it for one test, and for the strictest step of Holm's correction of each family."""
     paired = protocol.design == "within"
     n = participants if paired else participants // max(len(protocol.conditions), 1)
-    if n < FEWEST or len(protocol.conditions) < 2 or protocol.alpha >= WANTED:
+    if n < MIN_SAMPLE or len(protocol.conditions) < 2 or protocol.alpha >= WANTED:
         return ()
     levels = sorted({protocol.alpha, *(protocol.alpha / size for size in sizes if size)})
     return tuple(

@@ -1,4 +1,4 @@
-"""What was done, in sentences: for the report, and to paste into a paper."""
+"""The statistical method in sentences, for the report and for a paper."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ def method(analysis: Analysis) -> str:
         said.append("No families of hypotheses were declared: p-values are not corrected.")
     said.append(missing(protocol))
     if len(protocol.scenes) > 1 and protocol.scene_use == "all":
-        said.append("Numbers of a participant in a condition are means over the scenes.")
+        said.append("Values of a participant in a condition are means over the scenes.")
     said.append(
-        "Confidence intervals are at 95%: Bonett’s for d_av, Fisher’s z (with the variance of no "
-        "effect) for the rank-biserial correlation, noncentral F and χ² for shares of variance. "
+        "Confidence intervals are at 95%: Bonett’s for d_av, Fisher’s z (with the variance under "
+        "no effect) for the rank-biserial correlation, noncentral F and χ² for proportions of "
+        "variance. "
         "Where a score interval of the rank-biserial differs from that of Fisher’s z by more than "
-        f"{bounded(MUCH)}, it is given too."
+        f"{bounded(MUCH)}, it is reported too."
     )
     return " ".join(said)
 
@@ -41,44 +42,44 @@ def _tests(protocol: Protocol, alpha: str) -> str:
         )
         if several:
             return (
-                f"{first} Where all were satisfied, a repeated-measures ANOVA was made (with "
-                "Greenhouse–Geisser’s correction where Mauchly’s test rejected sphericity) and "
+                f"{first} If all were satisfied, a repeated-measures ANOVA was computed (with "
+                "Greenhouse–Geisser’s correction if Mauchly’s test rejected sphericity) and "
                 "paired t-tests of the pairs; otherwise a Friedman test and Wilcoxon signed-rank "
                 "tests. Pairs were corrected by Holm’s method."
             )
         return (
-            f"{first} Where both were satisfied, a paired t-test was made, otherwise a Wilcoxon "
+            f"{first} If both were satisfied, a paired t-test was used, otherwise a Wilcoxon "
             "signed-rank test (exact, zero differences dropped). Effects are Cohen’s d_av and the "
             "matched-pairs rank-biserial correlation."
         )
     first = f"Normality in each group was tested by Shapiro–Wilk at α = {alpha}."
     if several:
         return (
-            f"{first} Where all were normal, Welch’s ANOVA and Welch’s t-tests of the pairs were "
-            "made, otherwise a Kruskal–Wallis test and Mann–Whitney tests. Pairs were corrected by "
+            f"{first} If all were normal, Welch’s ANOVA and Welch’s t-tests of the pairs were "
+            "used, otherwise a Kruskal–Wallis test and Mann–Whitney tests. Pairs were corrected by "
             "Holm’s method."
         )
     return (
-        f"{first} Where both were normal, Welch’s t-test was made, otherwise a Mann–Whitney test "
+        f"{first} If both were normal, Welch’s t-test was used, otherwise a Mann–Whitney test "
         "(exact). Effects are Cohen’s d_av and the rank-biserial correlation."
     )
 
 
 def missing(protocol: Protocol) -> str:
-    """Return what is done about missing numbers."""
+    """Return how missing values are treated."""
     if protocol.missing == "listwise":
         return (
-            "Missing numbers: listwise; a participant who misses any measure is left out of all "
+            "Missing values: listwise; a participant with any missing value is left out of all "
             "tests."
         )
     return (
-        "Missing numbers: pairwise; a participant who misses a measure in any condition is left "
-        "out of the tests of that measure alone."
+        "Missing values: pairwise; a participant without a value in any condition is left out of "
+        "the tests of that measure only."
     )
 
 
 def sensitivity(found: Sensitivity, protocol: Protocol) -> str:
-    """Return what a study of this size can find."""
+    """Return the smallest effect that a study of this size can detect."""
     of = "d_z" if protocol.design == "within" else "d"
     who = "participants" if protocol.design == "within" else "participants in each group"
     level = (
@@ -88,5 +89,5 @@ def sensitivity(found: Sensitivity, protocol: Protocol) -> str:
     )
     return (
         f"{found.participants} {who}, {level}: {of} = {decimal(found.t_test)} by a t-test, "
-        f"{decimal(found.rank_test)} by ranks."
+        f"{decimal(found.rank_test)} by a rank test."
     )

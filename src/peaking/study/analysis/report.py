@@ -22,19 +22,21 @@ FILES = {
 }
 CAPTIONS = {
     "boxes": "Measures by condition. Boxes: quartiles and median; whiskers: within 1.5 "
-    "interquartile ranges; diamonds: means; dots: participants, joined where they are the same. "
+    "interquartile ranges; diamonds: means; dots: participants, connected across conditions if "
+    "they did both. "
     "* p < .05, ** p < .01, *** p < .001, after Holm’s correction where a measure is in a family.",
     "effects": "Effects with 95% confidence intervals. Filled: in a declared family; blue: the "
-    "interval does not hold 0. Thin: the score interval of a rank-biserial, where it differs much.",
-    "likert": "Answers on scales: per cent of the participants, centred on the middle answer. "
+    "interval does not contain 0. Thin: the score interval of a rank-biserial, if it differs by "
+    "more than .05.",
+    "likert": "Answers on scales: percentage of participants, centred on the middle answer. "
     "Marks as above.",
-    "over_time": "Peaked share while the task goes on: median and quartiles over the trials.",
+    "over_time": "Peaked share during the task: median and quartiles over the trials.",
 }
 
 INTERVALS_DIFFER = (
-    f"the two of the rank-biserial differ by more than {words.bounded(words.MUCH)}. Fisher’s z "
-    "is what R’s effectsize gives; where an effect is strong, it holds the true value less often "
-    "than 95% (r = .98, 20 participants: 44%), the score interval as often as it says."
+    f"the two intervals of the rank-biserial differ by more than {words.bounded(words.MUCH)}. "
+    "R’s effectsize uses Fisher’s z; for strong effects that interval contains the true value less "
+    "often than in 95% of studies (r = .98, 20 participants: 44%). The score interval keeps 95%."
 )
 
 
@@ -77,7 +79,7 @@ def _numbers(analysis: Analysis) -> str:
     protocol = analysis.protocol
     tested = [m for m in analysis.measures if m.families and m.result is not None]
     found = [m for m in tested if (m.p_decisive or 0.0) < protocol.alpha]
-    excluded = f"{len(analysis.excluded)} excluded" if analysis.excluded else "nobody excluded"
+    excluded = f"{len(analysis.excluded)} excluded" if analysis.excluded else "none excluded"
     design = "within participants" if protocol.design == "within" else "between participants"
     tiles = [
         (
@@ -87,7 +89,7 @@ def _numbers(analysis: Analysis) -> str:
         ),
         ("Design", str(len(protocol.conditions)) + " conditions", design),
         ("Significant", f"{len(found)} of {len(tested)}", "declared hypotheses, after Holm"),
-        ("Level", f"α = {protocol.alpha:g}", f"missing numbers: {protocol.missing}"),
+        ("Level", f"α = {protocol.alpha:g}", f"missing values: {protocol.missing}"),
     ]
     cells = "".join(
         f"<div><dt>{name}</dt><dd>{html.escape(value)}<small>{html.escape(note)}</small></dd></div>"
@@ -106,14 +108,14 @@ def _results(analysis: Analysis) -> str:
         rows += [_row(m, protocol) for m in analysis.measures if family.name in m.families]
     rest = [m for m in analysis.measures if not m.families and any(d.count for d in m.described)]
     if rest:
-        rows.append(_group("explored: not corrected", columns))
+        rows.append(_group("exploratory: not corrected", columns))
         rows += [_row(m, protocol) for m in rest]
     return (
-        '<section><h2>Results</h2><p class="note">Mean ± standard deviation where a t-test or an '
-        "ANOVA was made, else median with quartiles. Shaded: declared, and below α after the "
-        "correction. Differences and signs of effects: an earlier column minus a later one. "
-        "Intervals of rank-biserials are by Fisher’s z; a score interval stands below where it "
-        "differs much.</p>"
+        '<section><h2>Results</h2><p class="note">Mean ± standard deviation if a t-test or an '
+        "ANOVA was used, otherwise median with quartiles. Shaded: declared, and below α after the "
+        "correction. Differences and signs of effects: the earlier column minus the later one. "
+        "Intervals of rank-biserials are by Fisher’s z; a score interval is added where it differs "
+        "by more than .05.</p>"
         f'<div class="wide"><table><thead><tr><th scope="col">Measure</th>{heads}'
         '<th scope="col">Test</th><th scope="col">p</th><th scope="col">p, Holm</th>'
         f'<th scope="col">Effect, 95% CI</th></tr></thead><tbody>{"".join(rows)}</tbody></table>'
@@ -210,7 +212,7 @@ def _texts(analysis: Analysis) -> str:
     declared = [m for m in analysis.measures if m.families]
     explored = [m for m in analysis.measures if not m.families and m.result is not None]
     parts = [f'<h3>Method</h3><p class="paste">{html.escape(method(analysis))}</p>']
-    for heading, measures in (("Declared hypotheses", declared), ("Explored", explored)):
+    for heading, measures in (("Declared hypotheses", declared), ("Exploratory", explored)):
         if measures:
             sentences = "".join(
                 f'<p class="paste">{html.escape(words.sentence(m, protocol))}</p>' for m in measures
@@ -218,7 +220,7 @@ def _texts(analysis: Analysis) -> str:
             shown = " open" if heading == "Declared hypotheses" else ""
             parts.append(f"<details{shown}><summary>{heading}</summary>{sentences}</details>")
     return (
-        '<section><h2>Text to paste</h2><p class="note">In APA style; a click selects a '
+        '<section><h2>Text for a paper</h2><p class="note">In APA style; a click selects a '
         f"paragraph.</p>{''.join(parts)}</section>\n"
     )
 
@@ -247,7 +249,7 @@ def _path(analysis: MeasureAnalysis) -> str:
         for pair in decision.pairs
     ]
     if analysis.left_out:
-        more.append(("Left out", f"{', '.join(analysis.left_out)}: a number is missing"))
+        more.append(("Left out", f"{', '.join(analysis.left_out)}: a value is missing"))
     rows = "".join(f"<dt>{html.escape(a)}</dt><dd>{_symbols(b)}</dd>" for a, b in more)
     chosen = decision.outcome.test if analysis.result is not None else "no test"
     return (
@@ -284,14 +286,15 @@ def _order(analysis: Analysis) -> str:
         )
     ]
     said = (
-        f"Look closer at {', '.join(doubtful)}: an effect of the order has p < {alpha:g} there."
+        f"Check {', '.join(doubtful)}: an effect of the order has p < {alpha:g} there."
         if doubtful
         else f"No p-value is below {alpha:g}."
     )
     return (
         '<section><h2>Order effects</h2><p class="note">Period: whether later trials differ from '
-        "earlier ones, whatever the condition. Carry-over: whether those who began with the first "
-        f"condition differ from the others over both. Not corrected. {html.escape(said)}</p>"
+        "earlier ones in any condition. Carry-over: whether participants who began with the first "
+        "condition differ from the others over both conditions. Not corrected. "
+        f"{html.escape(said)}</p>"
         '<div class="wide"><table><thead><tr><th scope="col">Measure</th><th scope="col">Period'
         f'</th><th scope="col">Carry-over</th></tr></thead><tbody>{rows}</tbody></table></div>'
         "</section>\n"
@@ -315,9 +318,9 @@ def _power(analysis: Analysis) -> str:
     if not parts:
         return ""
     return (
-        '<section><h2>Power</h2><p class="note">The smallest effect that is found with a chance '
-        "of 80%. Power for the effect that was observed is not shown: it says no more than the "
-        f"p-value does.</p>{''.join(parts)}</section>\n"
+        '<section><h2>Power</h2><p class="note">The smallest effect that is detected with '
+        "80% probability. Power for the observed effect is not shown: it adds nothing to the "
+        f"p-value.</p>{''.join(parts)}</section>\n"
     )
 
 
@@ -325,7 +328,7 @@ def _who(analysis: Analysis) -> str:
     excluded = "".join(
         f"<li>{html.escape(name)}: {html.escape(why)}</li>" for name, why in analysis.excluded
     )
-    left = f"<h3>Excluded</h3><ul>{excluded}</ul>" if excluded else "<p>Nobody was excluded.</p>"
+    left = f"<h3>Excluded</h3><ul>{excluded}</ul>" if excluded else "<p>None was excluded.</p>"
     return (
         f"<section><h2>Participants</h2><p>{html.escape(', '.join(analysis.participants))}</p>"
         f'{left}<p class="note">{html.escape(missing(analysis.protocol))}</p></section>\n'

@@ -40,8 +40,8 @@ def analyse_folder(study_folder: Path, out: Path, *, version: str) -> Analysis:
     if not study.counting:
         raise StudyError(
             study_folder,
-            "has no participant who counts",
-            remedy="analyse it when somebody took part, or try: peaking study simulate",
+            "has no participants to analyse",
+            remedy="analyse it after somebody has taken part, or try: peaking study simulate",
         )
     numbers = measurements(study)
     catalogue = catalogue_of(study.protocol)

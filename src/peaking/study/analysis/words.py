@@ -1,4 +1,4 @@
-"""Numbers and sentences as the APA has them (Publication Manual, 7th edition, sections 6.36-6.44).
+"""Numbers and sentences in APA style (Publication Manual, 7th edition, sections 6.36-6.44).
 
 Two decimals; p with three and `p < .001`; no zero before the point where 1 cannot be exceeded.
 """
@@ -119,11 +119,11 @@ def _limits(found: Effect) -> str:
 
 
 def sentence(analysis: MeasureAnalysis, protocol: Protocol) -> str:
-    """Return the result of a measure as a sentence to paste."""
+    """Return the result of a measure as a sentence for a paper."""
     label, outcome = analysis.measure.label, analysis.decision.outcome
     name = f"“{label}” ({analysis.measure.name})" if analysis.measure.kind == "item" else label
     if isinstance(outcome, Untestable):
-        return f"{name}: no test was made ({outcome.reason})."
+        return f"{name}: not tested ({outcome.reason})."
     if len(analysis.described) > 2:
         said = _omnibus(name, analysis, outcome, protocol)
         found = (analysis.p_decisive or 0.0) < protocol.alpha
@@ -174,7 +174,7 @@ def _pairs(analysis: MeasureAnalysis) -> list[str]:
 
 
 def other_test(outcome: Outcome) -> str:
-    """Return what the test that was not chosen gives."""
+    """Return the result of the test that was not chosen."""
     if isinstance(outcome, Untestable):
         return f"{outcome.test}: {outcome.reason}"
     return f"{outcome.test}: {statistic(outcome)}, {p_value(outcome.p)}, {reported(outcome)}"
@@ -182,7 +182,7 @@ def other_test(outcome: Outcome) -> str:
 
 def _holm(analysis: MeasureAnalysis) -> str:
     if not analysis.corrected:
-        return " (explored, not corrected)"
+        return " (exploratory, not corrected)"
     said = ", ".join(
         f"{p_value(c.p)} after Holm’s correction of {c.tests} tests ({c.family})"
         for c in analysis.corrected

@@ -33,7 +33,7 @@ from jaxtyping import Float64
 from peaking.study.statistics.assumptions import levene, mauchly, shapiro_wilk
 from peaking.study.statistics.groups import mann_whitney, welch_t
 from peaking.study.statistics.holm import holm
-from peaking.study.statistics.outcome import FEWEST, Outcome, Result, Untestable
+from peaking.study.statistics.outcome import MIN_SAMPLE, Outcome, Result, Untestable
 from peaking.study.statistics.paired import paired_t, wilcoxon
 from peaking.study.statistics.samples import differences
 from peaking.study.statistics.several import (
@@ -108,8 +108,8 @@ def decide_paired(
     if values.ndim != 2 or values.shape[1] != len(names) or len(names) < 2:
         raise ValueError(f"need a column for each of 2 or more {names}, got {values.shape}")
     columns = list(values.T)
-    if len(values) < FEWEST:
-        reason = f"needs {FEWEST} participants, there are {len(values)}"
+    if len(values) < MIN_SAMPLE:
+        reason = f"needs {MIN_SAMPLE} participants, there are {len(values)}"
         return Decision((), False, Untestable("test", reason), Untestable("test", reason))
     pairs = list(combinations(range(len(names)), 2))
     steps = [
@@ -145,9 +145,9 @@ def decide_groups(
     """
     if len(groups) != len(names) or len(names) < 2:
         raise ValueError(f"need the numbers of each of 2 or more {names}, got {len(groups)}")
-    if min(len(group) for group in groups) < FEWEST:
+    if min(len(group) for group in groups) < MIN_SAMPLE:
         counts = ", ".join(str(len(group)) for group in groups)
-        reason = f"needs {FEWEST} participants in each group, there are {counts}"
+        reason = f"needs {MIN_SAMPLE} participants in each group, there are {counts}"
         return Decision((), False, Untestable("test", reason), Untestable("test", reason))
     steps = [
         _step(f"Are the numbers of {name} normal?", shapiro_wilk(group), alpha=alpha)

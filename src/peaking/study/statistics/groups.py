@@ -17,7 +17,7 @@ from peaking.study.statistics import rank_sums
 from peaking.study.statistics.intervals import rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
-    FEWEST,
+    MIN_SAMPLE,
     NORMAL_QUANTILE,
     Effect,
     Outcome,
@@ -95,6 +95,8 @@ def _together(
 
 
 def _untestable(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"]) -> str | None:
-    if min(len(first), len(second)) < FEWEST:
-        return f"needs {FEWEST} participants in each group, there are {len(first)}, {len(second)}"
+    if min(len(first), len(second)) < MIN_SAMPLE:
+        return (
+            f"needs {MIN_SAMPLE} participants in each group, there are {len(first)}, {len(second)}"
+        )
     return None

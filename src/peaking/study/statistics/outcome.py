@@ -11,7 +11,7 @@ CONFIDENCE = 0.95
 NORMAL_QUANTILE = 1.959963984540054
 """Of the standard normal distribution, for that confidence."""
 
-FEWEST = 5
+MIN_SAMPLE = 5
 """Participants (or pairs) below which nothing is tested.
 
 With 4 pairs the smallest possible p-value of the Wilcoxon test is 0.125, and whether 4 numbers are

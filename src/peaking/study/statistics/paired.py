@@ -18,7 +18,7 @@ from peaking.study.statistics import signed_ranks
 from peaking.study.statistics.intervals import TAIL, noncentral_t_limits, rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
-    FEWEST,
+    MIN_SAMPLE,
     NORMAL_QUANTILE,
     Effect,
     Outcome,
@@ -124,8 +124,8 @@ def _hodges_lehmann(away: Float64[np.ndarray, "n"]) -> Effect:
 
 
 def _untestable(away: Float64[np.ndarray, "n"]) -> str | None:
-    if len(away) < FEWEST:
-        return f"needs {FEWEST} pairs, there are {len(away)}"
+    if len(away) < MIN_SAMPLE:
+        return f"needs {MIN_SAMPLE} pairs, there are {len(away)}"
     if not away.any():
         return "all differences are 0: nobody has different numbers in the two conditions"
     return None

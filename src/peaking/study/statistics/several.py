@@ -13,7 +13,7 @@ from statsmodels.stats.oneway import anova_oneway
 
 from peaking.study.statistics.assumptions import greenhouse_geisser
 from peaking.study.statistics.intervals import noncentral_chi2_limits, noncentral_f_limits
-from peaking.study.statistics.outcome import FEWEST, Effect, Outcome, Result, Untestable
+from peaking.study.statistics.outcome import MIN_SAMPLE, Effect, Outcome, Result, Untestable
 from peaking.study.statistics.samples import check_finite, rounded
 
 Repeated = Float64[np.ndarray, "participants conditions"]
@@ -102,8 +102,8 @@ def _untestable(values: Repeated) -> str | None:
     check_finite(values)
     if values.shape[1] < 3:
         raise ValueError(f"need 3 or more conditions, got {values.shape[1]}")
-    if len(values) < FEWEST:
-        return f"needs {FEWEST} participants, there are {len(values)}"
+    if len(values) < MIN_SAMPLE:
+        return f"needs {MIN_SAMPLE} participants, there are {len(values)}"
     return None
 
 
@@ -112,7 +112,7 @@ def _untestable_groups(groups: list[Float64[np.ndarray, "_"]]) -> str | None:
         check_finite(group)
     if len(groups) < 3:
         raise ValueError(f"need 3 or more groups, got {len(groups)}")
-    if min(len(group) for group in groups) < FEWEST:
+    if min(len(group) for group in groups) < MIN_SAMPLE:
         counts = ", ".join(str(len(group)) for group in groups)
-        return f"needs {FEWEST} participants in each group, there are {counts}"
+        return f"needs {MIN_SAMPLE} participants in each group, there are {counts}"
     return None
