@@ -1,26 +1,29 @@
-"""Choose the views of a recording that show the rest of it: take a frame when too much is red.
+"""Choose the views of a recording that show the rest of it, in two ways.
 
-python examples/choose_views.py scenes/desk 0.0428
+The paper's photographer takes a frame when more than a share of it is red. The default policy
+looks at all frames and keeps as many views, those that would be missed most.
+
+Usage: python examples/choose_views.py scenes/desk 0.0428
 """
 
 import sys
-from pathlib import Path
 
-from peaking.datasets import open_recording
-from peaking.pipeline import Reconstruction
+import peaking
 
-recording = open_recording(Path(sys.argv[1]))
+recording = peaking.open_recording(sys.argv[1])
 threshold_share = float(sys.argv[2])
-scene = Reconstruction()
-chosen: list[int] = []
+reconstruction = peaking.Reconstruction()
+taken: list[int] = []
 
 for index in range(len(recording)):
-    live = scene.prepare(recording.read(index))
-    if chosen:
-        errors = scene.compare(live.rgb, live.camera).errors
+    live = reconstruction.prepare(recording.read(index))
+    if taken:
+        errors = reconstruction.compare(live.rgb, live.camera).errors
         if errors.peaked_share <= threshold_share:
             continue
-    scene.add_view(recording.read(index))
-    chosen.append(index)
+    reconstruction.add_view(recording.read(index))
+    taken.append(index)
 
-print(f"{len(chosen)} of {len(recording)} frames: {' '.join(map(str, chosen))}")
+kept = peaking.select(recording, len(taken))
+print(f"when it is red: {' '.join(map(str, taken))}")
+print(f"as many, kept:  {' '.join(map(str, kept))}")

@@ -52,9 +52,14 @@ def test_what_is_missing(scene: str, run: Runner) -> None:
 
 def test_choose_views(scene: str, run: Runner) -> None:
     few, many = (run("choose_views.py", scene, share) for share in ("0.2", "0.005"))
-    chosen = [said.partition(": ")[2].split() for said in (few, many)]
-    assert chosen[0][0] == chosen[1][0] == "0"
-    assert len(chosen[0]) < len(chosen[1]) < FRAMES
+    taken, kept = zip(*(numbers_in(said) for said in (few, many)), strict=True)
+    assert taken[0][0] == taken[1][0] == 0
+    assert len(taken[0]) < len(taken[1]) < FRAMES
+    assert [len(views) for views in kept] == [len(views) for views in taken]
+
+
+def numbers_in(said: str) -> list[list[int]]:
+    return [[int(word) for word in line.partition(":")[2].split()] for line in said.splitlines()]
 
 
 def test_view_from_aside(scene: str, run: Runner, tmp_path: Path) -> None:
