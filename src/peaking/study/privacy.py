@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import cast
 
 import msgspec
 
@@ -164,4 +165,6 @@ def _measures_csv(record: ParticipantRecord, study: Path) -> str:
 def _plain(value: object) -> str:
     if value is None:
         return ""
-    return "; ".join(str(v) for v in value) if isinstance(value, list) else str(value)
+    if isinstance(value, list):
+        return "; ".join(str(one) for one in cast("list[object]", value))
+    return str(value)

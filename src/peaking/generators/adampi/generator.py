@@ -1,5 +1,9 @@
 """The `adampi` generator: AdaMPI with the weights of a checkpoint that the user brings."""
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from pathlib import Path

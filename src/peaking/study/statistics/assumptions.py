@@ -1,5 +1,9 @@
 """What is asked of the data before a test is chosen: normality, equal variances, sphericity."""
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

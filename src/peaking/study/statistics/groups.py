@@ -3,6 +3,10 @@
 Differences are the first group minus the second.
 """
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

@@ -4,6 +4,10 @@ Differences are the first condition minus the second, so a positive effect says 
 the larger numbers, as in R's `t.test(first, second, paired = TRUE)`.
 """
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

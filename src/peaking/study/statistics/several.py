@@ -1,5 +1,9 @@
 """Three or more conditions: is there any difference? The pairs come after, corrected by Holm."""
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np
