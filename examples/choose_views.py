@@ -1,26 +1,14 @@
-"""Choose the views of a recording that show the rest of it: take a frame when too much is red.
+"""Choose the views of a recording that show the rest of it best, and write them as a data set.
 
-python examples/choose_views.py scenes/desk 0.0428
+python examples/choose_views.py scenes/desk 8 out/chosen
 """
 
 import sys
 from pathlib import Path
 
-from peaking.datasets import open_recording
-from peaking.pipeline import Reconstruction
+import peaking
 
-recording = open_recording(Path(sys.argv[1]))
-threshold_share = float(sys.argv[2])
-scene = Reconstruction()
-chosen: list[int] = []
-
-for index in range(len(recording)):
-    live = scene.prepare(recording.read(index))
-    if chosen:
-        errors = scene.compare(live.rgb, live.camera).errors
-        if errors.peaked_share <= threshold_share:
-            continue
-    scene.add_view(recording.read(index))
-    chosen.append(index)
-
+recording = peaking.open_recording(sys.argv[1])
+chosen = peaking.select(recording, num_views=int(sys.argv[2]))
+recording.write_subset(chosen, Path(sys.argv[3]))
 print(f"{len(chosen)} of {len(recording)} frames: {' '.join(map(str, chosen))}")

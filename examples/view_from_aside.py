@@ -10,20 +10,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from peaking.datasets import open_recording
-from peaking.geometry import Rigid
-from peaking.mpi_file import read_mpi, write_mpi
-from peaking.rendering import render
-from peaking.view_builder import ViewBuilder
+import peaking
 
 scene, mpi_file, picture = (Path(name) for name in sys.argv[1:4])
-frame = open_recording(scene).read(0)
-write_mpi(mpi_file, ViewBuilder().generate(frame))
+frame = peaking.open_recording(scene).read(0)
+peaking.write_mpi(mpi_file, peaking.generate(frame))
 
-mpi = read_mpi(mpi_file)
-cam_from_aside = Rigid(np.eye(3), np.array([0.1, 0.0, 0.0]))
+mpi = peaking.read_mpi(mpi_file)
+cam_from_aside = peaking.Rigid(np.eye(3), np.array([0.1, 0.0, 0.0]))
 aside = replace(mpi.camera, world_from_cam=mpi.camera.world_from_cam @ cam_from_aside)
-rendering = render(mpi, aside)
+rendering = peaking.render(mpi, aside)
 
 bgr = np.clip(255 * rendering.rgb()[..., ::-1], 0, 255).astype(np.uint8)
 cv2.imwrite(str(picture), bgr)

@@ -4,13 +4,11 @@ python examples/what_is_missing.py scenes/desk
 """
 
 import sys
-from pathlib import Path
 
-from peaking.datasets import open_recording
-from peaking.pipeline import Reconstruction
+import peaking
 
-recording = open_recording(Path(sys.argv[1]))
-scene = Reconstruction()
+recording = peaking.open_recording(sys.argv[1])
+scene = peaking.Reconstruction()
 scene.add_view(recording.read(0))
 
 for index in range(0, len(recording), max(len(recording) // 10, 1)):

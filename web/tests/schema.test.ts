@@ -88,8 +88,8 @@ describe('of the wire', () => {
 
   test('more neighbours than can be blended do not come in', () => {
     const options: Options = {
-      pixels: 1, num_planes: 1, neighbours: 9, blend_weights: 'paper', opacity: 'seen', align: 'off',
-      error_threshold: 1, shift_px: 0, compensate_exposure: false, generator: 'layered',
+      pixels: 1, num_planes: 1, neighbours: 9, align: 'off', blend_weights: 'paper',
+      opacity: 'seen', error_threshold: 1, shift_px: 0, compensate_exposure: false, generator: 'layered',
     };
     expect(problemOf(optionsSchema, options)).toContain('neighbours: need a whole number from 1 to 8');
   });

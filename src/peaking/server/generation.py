@@ -27,7 +27,7 @@ from peaking.view_builder import ViewBuilder
 CAPACITY = 64
 ROOM_AGAIN_S = 5.0
 """So long after the disk was full it is tried again, where there is nothing else to do."""
-NO_ROOM = "The server's disk is full: the photo is safe there, but joins only when there is room."
+NO_ROOM = "The server's disk is full. The photo is saved and is processed when there is room."
 _log = logging.getLogger("peaking.server")
 
 Waiting = queue.SimpleQueue[tuple[OpenSession, str] | None]
@@ -181,7 +181,7 @@ class GenerationQueue:
         except Exception:  # whatever it is, the next capture must be served
             _log.exception("making the MPI of capture %s failed", capture.id)
             return session.mark_failed(
-                capture.id, "The MPI could not be made; the server's log says why."
+                capture.id, "The MPI could not be generated. The server's log says why."
             )
 
     def _ask_again(self, session: OpenSession, capture_id: str) -> None:
@@ -207,7 +207,7 @@ class GenerationQueue:
                 self._on_done(session, session.mark_not_better(capture_id, str(error)))
             except Exception:  # the first MPI stays, and the next capture must be served
                 _log.exception("making a better MPI of capture %s failed", capture_id)
-                problem = "No better MPI could be made; the server's log says why."
+                problem = "No better MPI could be generated. The server's log says why."
                 self._on_done(session, session.mark_not_better(capture_id, problem))
 
     # Neighbours

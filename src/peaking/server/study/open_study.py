@@ -47,14 +47,14 @@ class OpenStudy:
         ]
         if others:
             said.append(
-                f"{FILE_NAME} was changed after {', '.join(others)} began: what they do and what "
-                "the others do may differ."
+                f"{FILE_NAME} was changed after {', '.join(others)} began: their procedure may "
+                "differ from that of the others."
             )
         missing = self.texts.untranslated()
         if missing:
             said.append(
-                f"{len(missing)} texts are not translated into {self.protocol.language!r} and stay "
-                f"English, {missing[0]} first."
+                f"Some texts ({len(missing)}) have no translation into "
+                f"{self.protocol.language!r} and are shown in English. The first is {missing[0]}."
             )
         return said
 
