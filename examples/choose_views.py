@@ -1,14 +1,29 @@
-"""Choose the views of a recording that show the rest of it best, and write them as a data set.
+"""Choose the views of a recording that show the rest of it, in two ways.
 
-python examples/choose_views.py scenes/desk 8 out/chosen
+The paper's photographer takes a frame when more than a share of it is red. The default policy
+looks at all frames and keeps as many views, those that would be missed most.
+
+Usage: python examples/choose_views.py scenes/desk 0.0428
 """
 
 import sys
-from pathlib import Path
 
 import peaking
 
 recording = peaking.open_recording(sys.argv[1])
-chosen = peaking.select(recording, num_views=int(sys.argv[2]))
-recording.write_subset(chosen, Path(sys.argv[3]))
-print(f"{len(chosen)} of {len(recording)} frames: {' '.join(map(str, chosen))}")
+threshold_share = float(sys.argv[2])
+reconstruction = peaking.Reconstruction()
+taken: list[int] = []
+
+for index in range(len(recording)):
+    live = reconstruction.prepare(recording.read(index))
+    if taken:
+        errors = reconstruction.compare(live.rgb, live.camera).errors
+        if errors.peaked_share <= threshold_share:
+            continue
+    reconstruction.add_view(recording.read(index))
+    taken.append(index)
+
+kept = peaking.select(recording, len(taken))
+print(f"when it is red: {' '.join(map(str, taken))}")
+print(f"as many, kept:  {' '.join(map(str, kept))}")

@@ -1,6 +1,6 @@
 """Make the MPI of one frame, keep it as a file, and render it from 10 cm to the right.
 
-python examples/view_from_aside.py scenes/desk out/view.mpi out/aside.png
+Usage: python examples/view_from_aside.py scenes/desk out/view.mpi out/aside.png
 """
 
 import sys
@@ -17,9 +17,10 @@ frame = peaking.open_recording(scene).read(0)
 peaking.write_mpi(mpi_file, peaking.generate(frame))
 
 mpi = peaking.read_mpi(mpi_file)
-cam_from_aside = peaking.Rigid(np.eye(3), np.array([0.1, 0.0, 0.0]))
-aside = replace(mpi.camera, world_from_cam=mpi.camera.world_from_cam @ cam_from_aside)
-rendering = peaking.render(mpi, aside)
+here = mpi.camera.world_from_cam
+to_the_right_m = here.rotation @ np.array([0.1, 0.0, 0.0])
+aside = replace(here, translation_m=here.translation_m + to_the_right_m)
+rendering = peaking.render(mpi, replace(mpi.camera, world_from_cam=aside))
 
 bgr = np.clip(255 * rendering.rgb()[..., ::-1], 0, 255).astype(np.uint8)
 cv2.imwrite(str(picture), bgr)

@@ -1,6 +1,6 @@
 """Tell how much of each frame of a recording one captured view cannot show.
 
-python examples/what_is_missing.py scenes/desk
+Usage: python examples/what_is_missing.py scenes/desk
 """
 
 import sys
@@ -8,12 +8,12 @@ import sys
 import peaking
 
 recording = peaking.open_recording(sys.argv[1])
-scene = peaking.Reconstruction()
-scene.add_view(recording.read(0))
+reconstruction = peaking.Reconstruction()
+reconstruction.add_view(recording.read(0))
 
 for index in range(0, len(recording), max(len(recording) // 10, 1)):
-    live = scene.prepare(recording.read(index))
-    errors = scene.compare(live.rgb, live.camera).errors
+    live = reconstruction.prepare(recording.read(index))
+    errors = reconstruction.compare(live.rgb, live.camera).errors
     print(
         f"frame {index:4}: {errors.peaked_share:6.1%} of the pixels are wrong, "
         f"{errors.missing_share:6.1%} were never seen"

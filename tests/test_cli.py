@@ -18,8 +18,9 @@ import pytest
 
 import peaking
 from peaking.cli import COMMANDS, main
+from peaking.commands.generate import Generate
 from peaking.datasets import open_recording
-from peaking.mpi_file import read_mpi
+from peaking.mpi_file import DEFAULT_QUALITY, read_mpi
 from recordings import write_recording
 
 FLAGS = ["--pixels", "19200"]
@@ -199,6 +200,11 @@ def test_generate_and_render(room: Path, tmp_path: Path) -> None:
     recorded = open_recording(room).read(3).depth_m
     assert recorded is not None
     assert abs(np.median(depth / 1000.0 / recorded) - 1) < 0.01
+
+
+def test_generate_has_the_librarys_default_quality() -> None:
+    (quality,) = [f for f in dataclasses.fields(Generate) if f.name == "quality"]
+    assert quality.default == DEFAULT_QUALITY
 
 
 def test_a_folder_in_use_is_left_alone(

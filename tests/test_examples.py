@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking.datasets import open_recording
 from peaking.mpi_file import read_mpi
 from peaking.splat.ply import read_ply
 from recordings import lateral_cameras, write_recording
@@ -51,12 +50,16 @@ def test_what_is_missing(scene: str, run: Runner) -> None:
     assert shares[-1][1] > shares[0][1]
 
 
-def test_choose_views(scene: str, run: Runner, tmp_path: Path) -> None:
-    said = run("choose_views.py", scene, "3", str(tmp_path / "chosen"))
-    numbers = [int(number) for number in said.partition(": ")[2].split()]
-    recording, chosen = open_recording(Path(scene)), open_recording(tmp_path / "chosen")
-    assert chosen.names == tuple(recording.names[number] for number in numbers)
-    assert len(numbers) == 3
+def test_choose_views(scene: str, run: Runner) -> None:
+    few, many = (run("choose_views.py", scene, share) for share in ("0.2", "0.005"))
+    taken, kept = zip(*(numbers_in(said) for said in (few, many)), strict=True)
+    assert taken[0][0] == taken[1][0] == 0
+    assert len(taken[0]) < len(taken[1]) < FRAMES
+    assert [len(views) for views in kept] == [len(views) for views in taken]
+
+
+def numbers_in(said: str) -> list[list[int]]:
+    return [[int(word) for word in line.partition(":")[2].split()] for line in said.splitlines()]
 
 
 def test_view_from_aside(scene: str, run: Runner, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import operator
 import os
 import sys
 from collections.abc import Sequence
@@ -88,7 +87,7 @@ def _subcommands(*, whole: bool) -> Any:
         description = text if whole else text.partition("\n")[0]
         subcommand = tyro.conf.subcommand(name, description=description)
         described.append(Annotated[command, subcommand])
-    return functools.reduce(operator.or_, described)
+    return functools.reduce(lambda a, b: a | b, described)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -12,8 +12,9 @@ import math
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
@@ -108,11 +109,12 @@ def encode_jpeg(rgb: UInt8[np.ndarray, "h w 3"], *, quality: int = 95) -> bytes:
 def plain(value: object) -> object:
     """Turn options into what JSON has; a value it has not becomes its text, never a failure."""
     if isinstance(value, Mapping):
-        return {str(key): plain(inner) for key, inner in value.items()}
+        mapping = cast("Mapping[object, object]", value)
+        return {str(key): plain(inner) for key, inner in mapping.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return plain(cast("object", value.tolist()))  # pyright: ignore[reportUnknownMemberType]
     if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
+        return [plain(inner) for inner in cast("Sequence[object]", value)]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if value is None or isinstance(value, bool | int | float | str):

@@ -84,7 +84,7 @@ def nearest_by_overlap(
     distance_m = _distances_m(cameras, target, count)
     # Only the closest are asked for their overlap: keeps long sessions quick.
     candidates = np.argsort(distance_m, kind="stable")[: max(CANDIDATES, 8 * count)]
-    cost_m = overlap_costs_m([cameras[i] for i in candidates], target, scene_depth_m)
+    cost_m = overlap_costs_m([cameras[int(i)] for i in candidates], target, scene_depth_m)
     best, weights = fading_weights(cost_m, count)
     return _neighbours(candidates[best], weights, distance_m)
 

@@ -221,7 +221,7 @@ def test_cuda_that_is_not_there_is_refused(checkpoint: Path) -> None:
 
 
 def test_reduced_precision_is_for_cuda(checkpoint: Path) -> None:
-    with pytest.raises(ValueError, match="need device cuda for precision bfloat16"):
+    with pytest.raises(BackendUnavailable, match="bfloat16 needs CUDA"):
         AdaMpi.load(checkpoint, num_planes=4, device="cpu", precision="bfloat16")
 
 

@@ -95,7 +95,7 @@ def test_three_conditions_have_pairs_and_an_order() -> None:
         assert pair.p_holm >= pair.outcome.p
     assert found.order is not None
     said = " ".join(found.decision.path())
-    assert "Is sphericity given?" in said
+    assert "Does sphericity hold?" in said
     assert "it does not decide" in said
     assert "significant differences between LLFF <guidance>" in sentence(found, three)
 

@@ -68,6 +68,29 @@ export interface Capture {
   readonly removed?: boolean;
 }
 
+/** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
+export interface SelectionQuery {
+  readonly policy?: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly views?: number | null;
+  readonly threshold_share?: number;
+  readonly spacing_m?: number | null;
+  readonly seed?: number;
+}
+
+/** What a policy says of a capture. */
+export interface CaptureDecision {
+  readonly id: string;
+  readonly number: number;
+  readonly kept: boolean;
+  readonly reason: string;
+}
+
+/** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
+export interface Selection {
+  readonly policy: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly captures: readonly CaptureDecision[];
+}
+
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
 export interface NewSession {
   readonly protocol: number;

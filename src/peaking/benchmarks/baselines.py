@@ -4,6 +4,10 @@
 depth edges. Both are given what makes them good: they are what a method has to beat.
 """
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import cv2

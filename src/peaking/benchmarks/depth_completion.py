@@ -169,7 +169,7 @@ def phone_depth_m(
     sigma = SENSOR_BLUR_SAMPLES / scale
     mixed = cv2.GaussianBlur(truth_m * known, (0, 0), sigma)
     mixed /= np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-6)
-    depth_m = cv2.resize(mixed, size, interpolation=cv2.INTER_AREA)
+    depth_m: np.ndarray = cv2.resize(mixed, size, interpolation=cv2.INTER_AREA)
     noise = cv2.GaussianBlur(rng.normal(size=depth_m.shape).astype(np.float32), (0, 0), 1.0)
     depth_m = depth_m + noise / noise.std() * SENSOR_NOISE_PER_M * depth_m**2
     blobs = cv2.GaussianBlur(rng.normal(size=depth_m.shape).astype(np.float32), (0, 0), 2.5)

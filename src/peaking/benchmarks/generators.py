@@ -4,6 +4,10 @@ The network's weights are drawn: the arithmetic, and so the time, is that of tra
 of running it is a process of its own, so that its peak of memory is its own; the ways take turns.
 """
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import json

@@ -1,5 +1,9 @@
 """What the stages are measured against: others' usual ways, and the limit of the memory."""
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import importlib

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -54,14 +55,13 @@ class Bench:
         print(table(document))
 
 
-def table(document: dict[str, object]) -> str:
+def table(document: Mapping[str, Any]) -> str:
     """Return the results as a markdown table."""
     lines = [
         "| stage | median ms | p10 | p90 | bytes | times faster than |",
         "|---|---:|---:|---:|---:|---|",
     ]
-    results = document["results"]
-    assert isinstance(results, list)
+    results: list[dict[str, Any]] = document["results"]
     for row in results:
         ratios = ", ".join(f"{peer} {ratio:.2f}" for peer, ratio in row["vs"].items())
         size = "" if row["bytes"] is None else f"{row['bytes']:,}"

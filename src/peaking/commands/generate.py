@@ -30,7 +30,7 @@ class Generate:
     """Number of the frame, from 0."""
     codec: Literal["jpeg", "lossless"] = "jpeg"
     """How the tiles are stored."""
-    quality: int = 85
+    quality: int = 90
     """With --codec jpeg: JPEG quality, 1…100."""
     method: MethodFlags = field(default_factory=MethodFlags)
 

@@ -75,8 +75,8 @@ class Splat:
         with tqdm(total=options.iterations, desc=f"training ({backend})", unit="step") as bar:
 
             def show(step: TrainingStep) -> None:
-                bar.set_postfix(
-                    gaussians=step.num_gaussians, loss=f"{step.loss:.3f}", refresh=False
+                bar.set_postfix_str(
+                    f"gaussians={step.num_gaussians}, loss={step.loss:.3f}", refresh=False
                 )
                 bar.update()
 
@@ -203,7 +203,7 @@ class Splat:
         from peaking.splat.preview import preview
 
         chosen = np.linspace(0, len(frames) - 1, min(self.previews, len(frames))).round()
-        shown = [frames[index] for index in chosen.astype(int).tolist()]
+        shown = [frames[int(index)] for index in chosen]
         path = self.out.with_name(f"{self.out.stem}_preview.jpg")
         write_atomically(path, encode_jpeg(preview(gaussians, shown)))
         print(f"{path}: photographs, renderings and their depth")

@@ -16,6 +16,10 @@ The distances come from the sensor, the edges from sensor and picture:
 All of it happens in disparity (1/depth), in which planes are planes and parallax is even.
 """
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

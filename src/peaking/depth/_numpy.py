@@ -3,6 +3,10 @@
 Disparity is in 1/m, 0 where unknown; positions and slopes are in samples.
 """
 
+# Some functions of NumPy and OpenCV have types that pyright cannot resolve.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

@@ -4,6 +4,10 @@ Read through `transformers` from a folder, with safetensors: nothing is download
 the files is run. Pictures are prepared here, as the model's preprocessor_config.json says.
 """
 
+# PyTorch and transformers are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import json

@@ -5,6 +5,10 @@ comes of it is kept beside the weights. The converter is called by itself, since
 `openvino.convert_model` reports its use over the network.
 """
 
+# PyTorch and OpenVINO are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import hashlib

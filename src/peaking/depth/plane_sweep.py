@@ -5,6 +5,10 @@ depth of the plane on which it differs least from the others, where that plane i
 and the depth of another picture agrees.
 """
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -41,10 +45,10 @@ def plane_sweep_depths_m(frames: Sequence[Frame]) -> list[Float64[np.ndarray, "_
     focus_m = focus_distance_m(cameras)
     others = [_others(index, cameras, BASELINE_SHARE * focus_m) for index in range(len(frames))]
     photos = [as_float(frame.rgb) for frame in frames]
-    disparities = np.linspace(1 / FARTHEST, 1 / NEAREST, FIRST_PLANES) / focus_m
+    disparities: np.ndarray = np.linspace(1 / FARTHEST, 1 / NEAREST, FIRST_PLANES) / focus_m
     found = [np.zeros(photo.shape[:2]) for photo in photos]
     for _ in range(2):
-        step = disparities[1] - disparities[0]
+        step = float(disparities[1] - disparities[0])
         found = [
             _best(index, photos, cameras, others[index], disparities)
             for index in range(len(frames))
@@ -70,7 +74,7 @@ def focus_distance_m(cameras: Sequence[Camera]) -> float:
     spread_m = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
     across = [np.eye(3) - np.outer(camera.forward, camera.forward) for camera in cameras]
     right = np.sum([a @ p for a, p in zip(across, positions, strict=True)], axis=0)
-    focus = np.linalg.lstsq(np.sum(across, axis=0), right, rcond=1e-3)[0]
+    focus: np.ndarray = np.linalg.lstsq(np.sum(across, axis=0), right, rcond=1e-3)[0]
     ahead_m = [float((focus - camera.position_m) @ camera.forward) for camera in cameras]
     median_m = float(np.median(ahead_m))
     return median_m if median_m > 0.5 * spread_m else max(2 * spread_m, 0.5)

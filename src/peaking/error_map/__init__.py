@@ -1,5 +1,9 @@
 """Compare a rendered view with the live picture: which pixels are wrong, and why."""
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -3,6 +3,10 @@
 Both give the same results in any order, and a step whose worker dies is done again.
 """
 
+# Ray is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import multiprocessing

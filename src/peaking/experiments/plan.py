@@ -93,7 +93,7 @@ class EvaluationOptions:
 
 @dataclass(frozen=True)
 class CountStep:
-    """Count the views that the paper's photographer takes."""
+    """Count the views that the paper's rule takes."""
 
     scene: Path
     fingerprint: str

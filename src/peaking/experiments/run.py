@@ -68,9 +68,9 @@ class Runner:
     cache: StepCache
     executor: Executor
     progress: StepProgress = no_progress
-    peaks_mb: dict[str, float] = field(default_factory=dict)
+    peaks_mb: dict[str, float] = field(default_factory=dict[str, float])
     """The most memory that each worker had, by its name; of the workers that had most together."""
-    took: dict[Step, Mapping[str, Any]] = field(default_factory=dict)
+    took: dict[Step, Mapping[str, Any]] = field(default_factory=dict[Step, Mapping[str, Any]])
 
     def run(self, steps: Sequence[Step], what: str) -> dict[Step, Found]:
         """Return what every step found."""

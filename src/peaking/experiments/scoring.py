@@ -68,7 +68,8 @@ def score_views(
             )
         )
         rendered.append(rgb)
-    worst = np.argsort([score.psnr for score in scores], kind="stable")[:WORST].tolist()
+    order = np.argsort([score.psnr for score in scores], kind="stable")
+    worst = [int(k) for k in order[:WORST]]
     pictures = {
         scores[k].view: encode_jpeg(_side_by_side(frames[k][1].rgb, rendered[k]), quality=85)
         for k in worst

@@ -27,7 +27,7 @@ class StepCache:
         """Return what a step found, or None; a damaged file counts as none, and is said."""
         path = self._path(step)
         try:
-            found = json.loads(path.read_bytes())
+            found: Found | None = json.loads(path.read_bytes())
         except FileNotFoundError:
             return None
         except (OSError, ValueError) as error:

@@ -1,5 +1,9 @@
 """The `layered` generator, fast on the CPU; the same result as `_numpy.py`."""
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import cv2

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int32, UInt8
 from numpy.lib.stride_tricks import sliding_window_view
 
-from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.mpi import Mpi
 
 COLOUR_PX = 8
@@ -45,7 +45,8 @@ def layers(
     put(planes, deep, free, hidden_rgb, np.full_like(opacity, 255))
     put(planes, deep + 1, free & (deep_opacity > 0), hidden_rgb, deep_opacity)
 
-    camera = Camera(Pinhole(width, height, 1.0, 1.0, 0.0, 0.0), Rigid.identity())
+    here = Rigid[World, Cam].identity()
+    camera = Camera(Pinhole(width, height, 1.0, 1.0, 0.0, 0.0), here)
     mpi = Mpi.from_dense(planes, 1.0 / disparities, camera)
     return mpi.tile_places, mpi.texels
 

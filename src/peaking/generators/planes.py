@@ -1,5 +1,9 @@
 """Where to put the planes: where the scene's disparities are."""
 
+# Some functions of NumPy and OpenCV have types that pyright cannot resolve.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np

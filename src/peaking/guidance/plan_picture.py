@@ -1,5 +1,9 @@
 """The chart of `plan_chart` as a PNG, by Matplotlib (extra `study`)."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import io

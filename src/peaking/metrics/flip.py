@@ -6,6 +6,10 @@ meet: one of colour (what the eye resolves, then a distance in a perceptually ev
 4.1) and one of features (edges and points, which the eye compares first; section 4.2).
 """
 
+# Some functions of NumPy and OpenCV have types that pyright cannot resolve.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

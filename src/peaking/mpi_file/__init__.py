@@ -4,6 +4,10 @@ Layout, formulas and how to read it from other languages: docs/mpi-format.md. Wh
 from anywhere, so every length is checked before anything of that length is made.
 """
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import os

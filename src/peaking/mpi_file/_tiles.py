@@ -1,5 +1,9 @@
 """The texels of a `.mpi` file: pictures of colour and of alpha, or a deflated stream."""
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

@@ -4,6 +4,10 @@
 in for each other in silence.
 """
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

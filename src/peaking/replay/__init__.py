@@ -1,6 +1,6 @@
-"""The virtual photographer: a recording walked frame by frame, and what is written about it.
+"""Replay a recording frame by frame: capture by a policy, and write a video and a report.
 
-`run.py` walks; `records.py` holds what it found and writes the files for programs;
-`overlay_video.py` draws and `video.py` encodes; `stills.py` picks pictures, `charts.py` and
-`path_map.py` draw, and `report.py` puts the page together.
+`run.py` is the loop; `records.py` holds the results and writes the files for programs;
+`overlay_video.py` draws and `video.py` encodes the video; `stills.py` chooses pictures, `charts.py`
+and `path_map.py` draw, and `report.py` writes the page.
 """

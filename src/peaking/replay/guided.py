@@ -1,4 +1,4 @@
-"""The virtual photographer with a guide: scans the recording first, then takes what is at a target.
+"""Replay with a guide: scan the recording first, then capture the frames at the targets.
 
 The recorded path decides what can be reached: a target without a frame within its tolerance stays
 open, and how many there are is reported.

@@ -9,6 +9,7 @@ import base64
 import html
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
+from typing import cast
 
 
 def html_page(title: str, body: str, *, style: str, below: str = "") -> str:
@@ -68,6 +69,6 @@ def options_table(options: Mapping[str, object]) -> str:
 def _flat(options: Mapping[str, object], above: str = "") -> Iterator[tuple[str, str]]:
     for name, value in options.items():
         if isinstance(value, Mapping):
-            yield from _flat({str(key): inner for key, inner in value.items()}, f"{above}{name}.")
+            yield from _flat(cast("Mapping[str, object]", value), f"{above}{name}.")
         else:
             yield f"{above}{name}", str(value)

@@ -102,7 +102,7 @@ class RecordedFrames:
         """How far away things typically are: the median of measured depths."""
         some = np.linspace(0, len(self.with_depth) - 1, SAMPLED).round().astype(int)
         measured: list[float] = []
-        for i in sorted({self.with_depth[k] for k in some if self.with_depth}):
+        for i in sorted({self.with_depth[int(k)] for k in some if self.with_depth}):
             depth_m = self.recording.read(i).depth_m
             if depth_m is not None and (depth_m > 0).any():
                 measured.append(float(np.median(depth_m[depth_m > 0])))

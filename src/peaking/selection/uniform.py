@@ -1,5 +1,9 @@
 """Even steps along the path: the paper's "Uniform". It needs the whole path."""
 
+# Some functions of NumPy and OpenCV have types that pyright cannot resolve.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import itertools

@@ -5,6 +5,7 @@ Handlers only translate: disk and CPU work is done in threads, never on the even
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncGenerator, Callable, Mapping
@@ -37,6 +38,7 @@ from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSess
 from peaking.server.openapi import document
 from peaking.server.recordings import PlayedRecording
 from peaking.server.responses import event_stream, json_response, problem
+from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
@@ -90,6 +92,7 @@ class _Handlers:
         self.store = store
         self.config = config
         self.hub = hub
+        self._selecting = asyncio.Lock()
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             for capture_id in session.unfinished(config.options.generator):
@@ -175,6 +178,16 @@ class _Handlers:
             await run_in_threadpool(session.finish, change.finished)
         self._tell_summary(session)
         return json_response(session.summary(live=self.hub.is_live(session.id)))
+
+    async def selection(self, request: Request) -> Response:
+        session = self._session(request)
+        try:
+            query = msgspec.convert(dict(request.query_params), wire.SelectionQuery, strict=False)
+        except msgspec.ValidationError as error:
+            raise BadUpload(f"The question is wrong: {error}.", status=400) from error
+        async with self._selecting:  # it computes for seconds; one after the other
+            chosen = await run_in_threadpool(select_captures, session, query, self.config.options)
+        return json_response(chosen)
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
@@ -364,6 +377,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(session + "/events", server.session_events, methods=["GET"]),
         Route(session + "/peaked", server.peaked, methods=["GET"]),
         Route(session + "/peaked/{batch}", server.add_peaked, methods=["PUT"]),
+        Route(session + "/selection", server.selection, methods=["GET"]),
         Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
         Route(capture, server.upload, methods=["PUT"]),
         Route(capture, server.remove, methods=["DELETE"]),

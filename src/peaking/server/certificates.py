@@ -5,6 +5,10 @@ installed it trusts this server from then on. The server's own certificate carri
 of this machine and is made anew at every start.
 """
 
+# trustme is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import ipaddress

@@ -14,7 +14,7 @@ import numpy as np
 from peaking.depth.registry import create_estimator
 from peaking.errors import PeakingError
 from peaking.frame import Frame
-from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
@@ -256,4 +256,5 @@ def _small_frame() -> Frame:
     depth_m = np.where(x < width // 2, 1.0, 2.0).astype(np.float32)
     depth_m[:8] = 0.0
     pinhole = Pinhole(width, height, 40.0, 40.0, width / 2, height / 2)
-    return Frame("warm-up", rgb, Camera(pinhole, Rigid.identity()), depth_m)
+    here = Rigid[World, Cam].identity()
+    return Frame("warm-up", rgb, Camera(pinhole, here), depth_m)

@@ -65,6 +65,13 @@ OPERATIONS = (
         body=wire.PeakedSamples,
         status=204,
     ),
+    Operation(
+        "get",
+        _SESSION + "/selection",
+        "The captures that a policy would keep",
+        wire.Selection,
+        query=tuple(wire.SelectionQuery.__struct_fields__),
+    ),
     Operation("get", _SESSION + "/dataset.zip", "The data set", bytes, media="application/zip"),
     Operation("put", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
     Operation("delete", _CAPTURE, "Undo a capture", wire.Capture),

@@ -110,7 +110,7 @@ def camera_of_wire(camera: wire.Camera) -> Camera:
     matrix = np.eye(4)
     matrix[:3] = np.array(camera.world_from_cam).reshape(3, 4)
     try:
-        pose: Rigid[World, Cam] = Rigid.from_matrix(matrix)
+        pose = Rigid[World, Cam].from_matrix(matrix)
     except ValueError as error:
         raise BadUpload(f"camera.world_from_cam: {error}.") from error
     pinhole = Pinhole(

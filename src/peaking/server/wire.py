@@ -63,6 +63,7 @@ CONSTANTS = (
     "SETTLING_S",
 )
 
+PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
 
@@ -142,6 +143,40 @@ class Capture(Struct, frozen=True):
     """When `failed`: why, and what to do about it. When `ready`: why no better MPI was made."""
     removed: bool = False
     """Taken back by an undo; kept on the server's disk, but in no data set."""
+
+
+class SelectionQuery(Struct, frozen=True):
+    """What is asked of GET /api/v1/sessions/{session}/selection, after the question mark."""
+
+    policy: PolicyName = "peaking"
+    views: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    """How many; every policy needs it but `all`, `threshold` and `plenoptic`."""
+    threshold_share: Annotated[float, Meta(ge=0, lt=1)] = method.PAPER_PEAKED_SHARE
+    """Of `threshold` without a number: the peaked share above which a view is taken."""
+    spacing_m: Positive | None = None
+    """Of `plenoptic` without a number: metres between views."""
+    seed: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
+    """Of `random`."""
+
+
+class CaptureDecision(Struct, frozen=True):
+    """What a policy says of a capture."""
+
+    id: Id
+    number: int
+    kept: bool
+    reason: str
+    """Why, in a few words."""
+
+
+class Selection(Struct, frozen=True):
+    """GET /api/v1/sessions/{session}/selection: the captures that a policy would keep.
+
+    Captures without an MPI, and those whose scale is a guess, are not among them.
+    """
+
+    policy: PolicyName
+    captures: list[CaptureDecision]
 
 
 class NewSession(Struct, frozen=True):

@@ -1,5 +1,9 @@
 """A picture of the result: photographs, renderings from the same cameras, and their depth."""
 
+# Some functions of NumPy and OpenCV have types that pyright cannot resolve.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

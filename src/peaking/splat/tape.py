@@ -1,5 +1,9 @@
 """One rendering by the compiled kernels, and its gradient by all parameters."""
 
+# Functions that numba compiles have no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numba

@@ -1,4 +1,4 @@
-"""What a participant may ask for: all that is kept of them, and that none of it is kept."""
+"""What a participant may ask for: a copy of all their data, and its deletion."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import cast
 
 import msgspec
 
@@ -30,18 +31,18 @@ from peaking.study.records import (
 
 ERASED = "erased.jsonl"
 SERVING = ".serving"
-EXPLANATION = """All that this study keeps of {participant}.
+EXPLANATION = """All data that this study has stored about {participant}.
 
 events.jsonl     every event, one JSON line each: times, answers, positions of the phone
 answers.csv      the answers to the questionnaires
-measures.csv     the numbers that follow from the events
+measures.csv     the values computed from the events
 sessions/        what was captured: photos, depth, positions of the phone
 """
 
 
 @contextmanager
 def held(study: Path) -> Generator[None, None, None]:
-    """Have a study's folder for oneself while the block runs.
+    """Lock a study's folder while the block runs.
 
     Raises:
         StudyError: The folder is not there, or another process has it.
@@ -66,7 +67,7 @@ def held(study: Path) -> Generator[None, None, None]:
 
 
 def erased(study: Path) -> list[str]:
-    """Return the pseudonyms of those who were erased; they are never given again."""
+    """Return the pseudonyms of erased participants; they are never assigned again."""
     path = study / ERASED
     if not path.is_file():
         return []
@@ -164,4 +165,6 @@ def _measures_csv(record: ParticipantRecord, study: Path) -> str:
 def _plain(value: object) -> str:
     if value is None:
         return ""
-    return "; ".join(str(v) for v in value) if isinstance(value, list) else str(value)
+    if isinstance(value, list):
+        return "; ".join(str(one) for one in cast("list[object]", value))
+    return str(value)

@@ -4,6 +4,10 @@ A pickle can hold code. It is read by PyTorch's restricted unpickler (`weights_o
 tensors and plain containers and refuses all else.
 """
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import pickle

@@ -1,5 +1,9 @@
 """The `adampi` generator: AdaMPI with the weights of a checkpoint that the user brings."""
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -45,12 +49,15 @@ class AdaMpi:
             alpha_cut: As in `layers.rounded`.
 
         Raises:
-            BackendUnavailable: CUDA was asked for and is not there.
-            ValueError: Reduced precision was asked for on a processor.
+            BackendUnavailable: CUDA, or a precision that needs it, was asked for and CUDA is not
+                there.
         """
         self.device = choose_device(device)
         if precision != "float32" and self.device.type != "cuda":
-            raise ValueError(f"need device cuda for precision {precision}, got {self.device.type}")
+            raise BackendUnavailable(
+                f"--precision {precision} needs CUDA, and the network runs on {self.device.type}; "
+                "use --precision float32"
+            )
         if not 0 <= alpha_cut < 1:
             raise ValueError(f"need 0 <= alpha_cut < 1, got {alpha_cut}")
         self.num_planes = checkpoint.num_planes

@@ -5,6 +5,10 @@
 Opacity belongs to the network's own unit of length: it is made before planes become metric.
 """
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from typing import NamedTuple

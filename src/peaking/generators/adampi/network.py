@@ -11,6 +11,10 @@ turns them to our order.
             └──► encoder ──► decoder ──► colour and density of every plane
 """
 
+# PyTorch is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from typing import NamedTuple

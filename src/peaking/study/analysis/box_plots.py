@@ -1,5 +1,9 @@
 """Box plots of measures with significance marks, as in the paper's figure of results."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

@@ -18,33 +18,33 @@ LONG_COLUMNS = {
     "participant": "Pseudonym",
     "condition": "Name of the condition",
     "scene": "Name of the scene",
-    "position": "Place of the trial in the participant's order, from 1",
+    "position": "Position of the trial in the participant's order, from 1",
     "measure": "Name of the measure",
-    "value": "The number; empty: missing",
+    "value": "The value; empty: missing",
 }
 
 RESULT_COLUMNS = {
     "measure": "Name of the measure",
-    "first": "Condition that is compared; differences are first minus second",
-    "second": "Condition that it is compared with",
+    "first": "First condition compared; differences are first minus second",
+    "second": "Second condition compared",
     "test": "Name of the test",
-    "chosen": "assumption, chosen, not chosen, pair or order: what the test is for",
-    "n": "Participants whose numbers were used",
-    "symbol": "Of the statistic",
-    "statistic": "Its value",
-    "df1": "Degrees of freedom; empty: the test has none",
+    "chosen": "Role of the test: assumption, chosen, not chosen, pair or order",
+    "n": "Number of participants used",
+    "symbol": "Symbol of the statistic",
+    "statistic": "Value of the statistic",
+    "df1": "Degrees of freedom; empty if the test has none",
     "df2": "Second degrees of freedom",
-    "p": "Two-sided, not corrected",
-    "p_holm": "After Holm's correction; the largest where a measure is in several families",
-    "corrected_in": "Families, or the pairs of the measure",
+    "p": "Two-sided p-value, not corrected",
+    "p_holm": "p-value after Holm's correction; the largest if a measure is in several families",
+    "corrected_in": "Families in which p was corrected, or the pairs of the measure",
     "effect": "Symbol of the effect; a test with several has a line for each",
-    "effect_value": "Its size",
+    "effect_value": "Size of the effect",
     "effect_low": "Lower limit of its 95% confidence interval",
     "effect_high": "Upper limit",
-    "interval_method": "How the interval was made. A rank-biserial has two lines: by Fisher's z "
-    "(reported; R's effectsize gives the same) and by a score interval, which holds the true value "
-    "in 95% where an effect is strong or participants are few",
-    "remark": "What a reader has to know, or why there is no result",
+    "interval_method": "Method of the interval. A rank-biserial has two lines: by Fisher's z "
+    "(reported; the same as R's effectsize) and a score interval, which contains the true value in "
+    "95% of studies even for strong effects or few participants",
+    "remark": "Remarks, or why there is no result",
     "decision_path": "Why this test was chosen",
 }
 
@@ -87,7 +87,7 @@ def codebook_csv(catalogue: Sequence[Measure], conditions: Sequence[str]) -> str
             "column",
             1,
             len(conditions),
-            f"Place of {name} in the participant's order, from 1; empty: not done",
+            f"Position of {name} in the participant's order, from 1; empty: not done",
         ]
         for name in conditions
     ]

@@ -1,5 +1,9 @@
 """How all figures of the report look, and their bytes as SVG and PNG."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import functools

@@ -1,5 +1,9 @@
 """All effects of two conditions on one axis, with their intervals."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,9 @@
 """Answers on scales as stacks about the middle: how many disagreed, how many agreed."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,9 @@
 """The peaked share while the task goes on, by condition."""
 
+# Matplotlib is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -40,7 +40,7 @@ def draw_one(
     shared = rng.standard_normal((count, 1))
     own = rng.standard_normal((count, conditions))
     latent = np.sqrt(CORRELATION) * shared + np.sqrt(1 - CORRELATION) * own
-    numbers = np.array(truth.means) + np.array(truth.sds) * latent
+    numbers: np.ndarray = np.array(truth.means) + np.array(truth.sds) * latent
     if truth.step:
         numbers = np.round(numbers / truth.step) * truth.step
     return np.clip(numbers, truth.low, truth.high)

@@ -4,6 +4,10 @@ A study without any effect should be called significant in 5 % of its tests, and
 its families after Holm's correction. With known effects, 95 % of the intervals should hold them.
 """
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 from collections import defaultdict

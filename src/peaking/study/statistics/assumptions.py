@@ -1,5 +1,9 @@
 """What is asked of the data before a test is chosen: normality, equal variances, sphericity."""
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np
@@ -13,15 +17,15 @@ MAX_SHAPIRO = 5000
 """Numbers for which the approximation of the p-value was made (Royston 1995)."""
 
 
-def shapiro_wilk(numbers: Float64[np.ndarray, "n"], what: str = "numbers") -> Outcome:
+def shapiro_wilk(numbers: Float64[np.ndarray, "n"], what: str = "values") -> Outcome:
     """Test whether numbers are from a normal distribution (Shapiro, Wilk 1965; Royston 1995)."""
     name = "Shapiro–Wilk test"
     if len(numbers) < 3:
         return Untestable(name, f"needs 3 {what}, there are {len(numbers)}")
     if np.ptp(numbers) == 0:
-        return Untestable(name, f"all {what} are {number(numbers[0])}: there is no spread to judge")
+        return Untestable(name, f"all {what} are {number(numbers[0])}: there is no variance")
     if len(numbers) > MAX_SHAPIRO:
-        return Untestable(name, f"its p-value is known up to {MAX_SHAPIRO} {what}")
+        return Untestable(name, f"its p-value is defined for at most {MAX_SHAPIRO} {what}")
     # Centred and scaled, for SciPy loses digits on numbers that are large beside their spread.
     scaled = (numbers - np.mean(numbers)) / np.ptp(numbers)
     w, p = stats.shapiro(scaled)
@@ -37,9 +41,9 @@ def levene(samples: list[Float64[np.ndarray, "_"]]) -> Outcome:
     name = "Levene's test (about the medians)"
     away = [np.abs(sample - np.median(sample)) for sample in samples]
     if any(len(sample) < 2 for sample in samples):
-        return Untestable(name, "needs 2 numbers in each condition")
+        return Untestable(name, "needs 2 values in each condition")
     if all(np.ptp(distances) == 0 for distances in away):
-        return Untestable(name, "the distances from the medians are all the same")
+        return Untestable(name, "all distances from the medians are equal")
     f, p = stats.levene(*samples, center="median")
     count = sum(len(sample) for sample in samples)
     df = (float(len(samples) - 1), float(count - len(samples)))
@@ -64,7 +68,7 @@ def mauchly(values: Float64[np.ndarray, "participants conditions"]) -> Outcome:
     spread = float(np.trace(contrasts)) / m
     # Rounding leaves something of about 1e-16 of the spread where a contrast is constant.
     if spread == 0 or np.linalg.eigvalsh(contrasts)[0] < 1e-12 * spread:
-        return Untestable(name, "a difference between conditions is the same for everybody")
+        return Untestable(name, "a difference between conditions is the same for all participants")
     w = float(np.exp(np.linalg.slogdet(contrasts)[1] - m * np.log(spread)))
     f, df = n - 1, m * (m + 1) / 2 - 1
     rho = 1 - (2 * m**2 + m + 2) / (6 * m * f)

@@ -43,7 +43,7 @@ from peaking.study.statistics.several import (
     welch_anova,
 )
 
-Answer = Literal["yes", "no", "cannot be told"]
+Answer = Literal["yes", "no", "undecidable"]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Decision:
         satisfied = "all are satisfied" if self.parametric else "not all are satisfied"
         if isinstance(self.outcome, Untestable):
             return [*said, f"No test: {self.outcome.reason}."]
-        return [*said, f"Of those that decide, {satisfied}: {self.outcome.test}."]
+        return [*said, f"Of the deciding tests, {satisfied}: {self.outcome.test}."]
 
 
 def decide_paired(
@@ -126,7 +126,7 @@ def decide_paired(
     if len(names) == 2:
         outcomes = paired_t(*columns), wilcoxon(*columns)
         return _chosen(steps, *outcomes)
-    sphericity = _step("Is sphericity given?", mauchly(values), alpha=alpha, decides=False)
+    sphericity = _step("Does sphericity hold?", mauchly(values), alpha=alpha, decides=False)
     steps.append(sphericity)
     anova = repeated_anova(values, spherical=sphericity.answer == "yes")
     decision = _chosen(steps, anova, friedman(values))
@@ -150,7 +150,7 @@ def decide_groups(
         reason = f"needs {MIN_SAMPLE} participants in each group, there are {counts}"
         return Decision((), False, Untestable("test", reason), Untestable("test", reason))
     steps = [
-        _step(f"Are the numbers of {name} normal?", shapiro_wilk(group), alpha=alpha)
+        _step(f"Are the values of {name} normal?", shapiro_wilk(group), alpha=alpha)
         for name, group in zip(names, groups, strict=True)
     ]
     variances = levene(list(groups))
@@ -166,7 +166,7 @@ def decide_groups(
 
 def _step(question: str, outcome: Outcome, *, alpha: float, decides: bool = True) -> DecisionStep:
     if isinstance(outcome, Untestable):
-        return DecisionStep(question, "cannot be told", outcome, decides)
+        return DecisionStep(question, "undecidable", outcome, decides)
     return DecisionStep(question, "no" if outcome.p < alpha else "yes", outcome, decides)
 
 
@@ -190,7 +190,7 @@ def _with_pairs(decision: Decision, compared: Sequence[tuple[str, str, Outcome]]
 def _answer(step: DecisionStep) -> str:
     outcome = step.outcome
     if isinstance(outcome, Untestable):
-        return f"Cannot be told ({outcome.test}: {outcome.reason})."
+        return f"Undecidable ({outcome.test}: {outcome.reason})."
     word = "Yes" if step.answer == "yes" else "No"
     p = "p < .001" if outcome.p < 0.001 else f"p = {outcome.p:.3f}"
     shown = "" if step.decides else "; shown, it does not decide"

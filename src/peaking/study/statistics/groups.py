@@ -3,6 +3,10 @@
 Differences are the first group minus the second.
 """
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np
@@ -33,7 +37,7 @@ def welch_t(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "n2"])
     if (reason := _untestable(first, second)) is not None:
         return Untestable(name, reason)
     if np.ptp(first) == 0 and np.ptp(second) == 0:
-        return Untestable(name, "nobody differs from others of the group: there is no spread")
+        return Untestable(name, "all values in each group are equal: there is no variance")
     compared = CompareMeans(DescrStatsW(first), DescrStatsW(second))
     t, p, df = (float(number) for number in compared.ttest_ind(usevar="unequal"))
     limits = compared.tconfint_diff(1 - CONFIDENCE, usevar="unequal")
@@ -52,7 +56,7 @@ def mann_whitney(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "
         return Untestable(name, reason)
     both = np.concatenate((first, second))
     if np.ptp(both) == 0:
-        return Untestable(name, "everybody in both groups has the same number")
+        return Untestable(name, "all values in both groups are equal")
     u = rank_sums.rank_sum(first, second)
     p, how = rank_sums.two_sided_p(first, second)
     n1, n2 = len(first), len(second)
@@ -65,7 +69,7 @@ def mann_whitney(first: Float64[np.ndarray, "n1"], second: Float64[np.ndarray, "
     )
     remarks = [f"p-value: {how}"]
     if len(np.unique(both)) < len(both):
-        remarks.append("tied numbers have their mean rank")
+        remarks.append("tied values have their mean rank")
     return Result(name, "U", u, (), p, len(both), effects, tuple(remarks))
 
 

@@ -5,6 +5,10 @@ the lower 2.5 % of its distribution (Steiger and Fouladi, *Noncentrality interva
 1997).
 """
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

@@ -48,8 +48,8 @@ def order_effects(
         values - values.mean(axis=0), np.argsort(places, axis=1, kind="stable"), axis=1
     )
     period = friedman(by_place)
-    none = Untestable("carry-over", "is told from other effects of order for two conditions only")
-    return OrderEffects(replace(period, test="Friedman test over places"), none)
+    none = Untestable("carry-over", "can be tested for two conditions only")
+    return OrderEffects(replace(period, test="Friedman test over positions"), none)
 
 
 def _compared(what: str, numbers: Float64[np.ndarray, "n"], began: np.ndarray) -> Outcome:

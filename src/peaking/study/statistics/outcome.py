@@ -19,7 +19,7 @@ normal cannot be told.
 """
 
 
-FISHER = "Fisher's z, variance of no effect; R's effectsize"
+FISHER = "Fisher's z, variance under no effect; R's effectsize"
 SCORE = "score interval, normal shift"
 """Methods of the two intervals that a rank-biserial has: the usual one, and one that holds."""
 

@@ -4,6 +4,10 @@ Differences are the first condition minus the second, so a positive effect says 
 the larger numbers, as in R's `t.test(first, second, paired = TRUE)`.
 """
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np
@@ -37,7 +41,7 @@ def paired_t(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
     if (reason := _untestable(away)) is not None:
         return Untestable(name, reason)
     if np.ptp(away) == 0:
-        return Untestable(name, f"all differences are {number(away[0])}: t has no spread to divide")
+        return Untestable(name, f"all differences are {number(away[0])}: there is no variance")
     n, described = len(away), DescrStatsW(away)
     t, p, df = (float(number) for number in described.ttest_mean())
     low, high = (float(limit) for limit in described.tconfint_mean(1 - CONFIDENCE))
@@ -64,7 +68,7 @@ def wilcoxon(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
     if len(np.unique(np.abs(ranks))) < m:
         remarks.append("tied differences have their mean rank")
     if 2.0 ** (1 - m) > 1 - 0.95:
-        remarks.append(f"with {m} differences that are not 0 no p-value below {2.0 ** (1 - m):g}")
+        remarks.append(f"with {m} nonzero differences, p cannot be below {2.0 ** (1 - m):g}")
     r = signed_ranks.rank_biserial(ranks)
     both = rank_biserials(
         "matched-pairs rank-biserial correlation",
@@ -123,5 +127,5 @@ def _untestable(away: Float64[np.ndarray, "n"]) -> str | None:
     if len(away) < MIN_SAMPLE:
         return f"needs {MIN_SAMPLE} pairs, there are {len(away)}"
     if not away.any():
-        return "all differences are 0: nobody has different numbers in the two conditions"
+        return "all differences are 0"
     return None

@@ -1,5 +1,9 @@
 """How large an effect a study of a planned size can find."""
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

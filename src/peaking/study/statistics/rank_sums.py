@@ -4,6 +4,10 @@ The p-value is exact, conditional on the ranks; R's `wilcox.test` is exact witho
 `exactRankTests::wilcox.exact` agrees with ours in both cases.
 """
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

@@ -13,7 +13,7 @@ def check_finite(values: Float64[np.ndarray, "..."]) -> None:
         ValueError: A value is NaN or infinite.
     """
     if not np.isfinite(values).all():
-        raise ValueError("need finite numbers; leave out the participants who miss one")
+        raise ValueError("need finite values; leave out the participants without one")
 
 
 def differences(

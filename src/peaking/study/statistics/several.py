@@ -1,5 +1,9 @@
 """Three or more conditions: is there any difference? The pairs come after, corrected by Holm."""
 
+# SciPy and statsmodels are typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import numpy as np
@@ -29,7 +33,7 @@ def repeated_anova(values: Repeated, *, spherical: bool) -> Outcome:
     left = values - values.mean(axis=0) - values.mean(axis=1, keepdims=True) + grand
     of_error = float(np.sum(left**2))
     if of_error <= 1e-20 * float(np.sum((values - grand) ** 2)):
-        return Untestable(name, "everybody has the same differences: there is no spread")
+        return Untestable(name, "all participants have the same differences: there is no variance")
     factor = 1.0 if spherical else greenhouse_geisser(values)
     df1, df2 = (k - 1) * factor, (k - 1) * (n - 1) * factor
     f = (of_conditions / (k - 1)) / (of_error / ((k - 1) * (n - 1)))
@@ -48,7 +52,7 @@ def friedman(values: Repeated) -> Outcome:
     n, k = values.shape
     even = rounded(values, scale=float(np.abs(values).max()))
     if (np.ptp(even, axis=1) == 0).all():
-        return Untestable(name, "nobody has different numbers in the conditions")
+        return Untestable(name, "no participant has different values in the conditions")
     chi2, p = stats.friedmanchisquare(*even.T)
     df, most = float(k - 1), float(n * (k - 1))
     w = float(chi2) / most
@@ -63,7 +67,7 @@ def welch_anova(groups: list[Float64[np.ndarray, "_"]]) -> Outcome:
     if (reason := _untestable_groups(groups)) is not None:
         return Untestable(name, reason)
     if any(np.ptp(group) == 0 for group in groups):
-        return Untestable(name, "in one group all numbers are the same: its mean has no error")
+        return Untestable(name, "all values of one group are equal: its mean has no standard error")
     found = anova_oneway(groups, use_var="unequal")
     f, p = float(found.statistic), float(found.pvalue)
     df1, df2 = (float(df) for df in found.df)
@@ -80,7 +84,7 @@ def kruskal_wallis(groups: list[Float64[np.ndarray, "_"]]) -> Outcome:
     scale = float(np.abs(both).max())
     even = [rounded(group, scale=scale) for group in groups]
     if np.ptp(np.concatenate(even)) == 0:
-        return Untestable(name, "everybody in all groups has the same number")
+        return Untestable(name, "all values in all groups are equal")
     h, p = stats.kruskal(*even)
     df, most = float(len(groups) - 1), float(len(both) - 1)
     low, high = (min(1.0, limit / most) for limit in noncentral_chi2_limits(float(h), df))

@@ -5,6 +5,10 @@ conditional on the ranks, with or without ties; R's `wilcox.test` is exact witho
 `exactRankTests::wilcox.exact` agrees with ours in both cases.
 """
 
+# SciPy is typed only in part.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
 from __future__ import annotations
 
 import math

@@ -1,0 +1,57 @@
+"""Every policy walks a recording; what is let go of on the way is not captured in the end."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from peaking.cli import main
+from peaking.datasets import open_recording
+from peaking.selection.registry import POLICIES
+from recordings import lateral_cameras, write_recording
+
+FRAMES = 12
+NUM_VIEWS = 2
+SMALL = ["--no-video", "--pixels", "3072", "--num-planes", "8"]
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("policies") / "walk"
+    return write_recording(folder, cameras=lateral_cameras(FRAMES, 48, 64))
+
+
+@pytest.mark.parametrize("policy", sorted(POLICIES))
+def test_a_policy_decides_what_is_captured(walked: Path, tmp_path: Path, policy: str) -> None:
+    out = tmp_path / "out"
+    asked = [] if policy == "all" else ["--views", str(NUM_VIEWS)]
+    main(["replay", str(walked), "--out", str(out), "--policy", policy, *asked, *SMALL])
+    summary = json.loads((out / "summary.json").read_text())
+    with (out / "frames.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    assert summary["policy"] == policy
+    assert summary["captured"] == (FRAMES if policy == "all" else NUM_VIEWS)
+    captured = [int(row["index"]) for row in rows if row["captured"] == "true"]
+    assert captured == summary["captured_indices"]
+    assert len(open_recording(out / "captured")) == summary["captured"]
+    assert all(row["reason"] for row in rows)
+    let_go = [row for row in rows if row["let_go_at"]]
+    assert bool(let_go) == (policy == "peaking")
+    for row in let_go:
+        assert int(row["index"]) <= int(row["let_go_at"]) < FRAMES
+        assert row["captured"] == "false"
+    if policy != "threshold":
+        assert f"<dd>{policy}" in (out / "report.html").read_text()
+
+
+def test_without_a_number_of_views_it_says_what_is_needed(
+    walked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(walked), "--out", str(tmp_path / "o"), "--policy", "uniform", *SMALL])
+    assert ended.value.code == 2
+    assert "need --views for --policy uniform" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
