@@ -35,8 +35,8 @@ from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyConfig, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.splat.ply import read_ply, write_ply
-from peaking.study.analysis.analyse import analyse
 from peaking.study.analysis.matrix import matrices_of
+from peaking.study.analysis.measure_analysis import analyse
 from peaking.study.privacy import erase_participant
 from peaking.study.tables import read_study
 from recordings import Room, lateral_cameras, write_recording

@@ -26,7 +26,7 @@ import os, sys
 from pathlib import Path
 from peaking.server import generation
 from peaking.server.app import ServerConfig
-from peaking.server.run import bind, serve
+from peaking.server.serving import bind, serve
 
 # Compiling takes longer than these servers live; what is tested is the disk.
 generation.GenerationQueue._work = lambda self: [None for _ in iter(self._waiting.get, None)]

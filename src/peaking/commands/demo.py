@@ -46,7 +46,7 @@ class Demo:
         from peaking.datasets import open_recording
         from peaking.server.app import ServerConfig
         from peaking.server.recordings import PlayedRecording
-        from peaking.server.run import CLIENT_DIR, bind, serve
+        from peaking.server.serving import CLIENT_DIR, bind, serve
 
         check_port(self.port)
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host

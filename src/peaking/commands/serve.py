@@ -49,7 +49,7 @@ class Serve:
         from peaking.commands.serving import check_port, https_origins, say_skipped
         from peaking.server.app import ServerConfig
         from peaking.server.certificates import config_folder
-        from peaking.server.run import CLIENT_DIR, bind, serve
+        from peaking.server.serving import CLIENT_DIR, bind, serve
 
         token = self.token or secrets.token_urlsafe(18)
         if len(token) < MIN_TOKEN_CHARS:

@@ -43,7 +43,7 @@ class ServeStudy:
         from peaking.options import PRESETS
         from peaking.server.app import ServerConfig, create_app
         from peaking.server.events import Hub
-        from peaking.server.run import CLIENT_DIR, bind, run
+        from peaking.server.serving import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore
         from peaking.server.study.app import StudyConfig, create_study_app
         from peaking.server.study.open_study import OpenStudy

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 from statsmodels.stats.weightstats import DescrStatsW
 
-from peaking.study.statistics import signed_ranks
+from peaking.study.statistics import signed_rank_test as signed_ranks
 from peaking.study.statistics.intervals import TAIL, noncentral_t_limits, rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
