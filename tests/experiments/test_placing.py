@@ -171,7 +171,7 @@ def test_pictures_that_cannot_be_joined_are_said_with_the_recording(
         raise CamerasNotFound("COLMAP could not join three of the pictures")
 
     monkeypatch.setattr(placing, "estimate_cameras", lost)
-    with pytest.raises(CamerasNotFound, match=f"{walk}: COLMAP could not join"):
+    with pytest.raises(CamerasNotFound, match=f"{walk / 'transforms.json'}: COLMAP could not join"):
         evaluate(plan, tmp_path / "out", InProcess())
 
 
