@@ -25,7 +25,7 @@ SERVERS = """
 import os, sys
 from pathlib import Path
 from peaking.server import generation
-from peaking.server.app import ServerConfig
+from peaking.server.app import ServerOptions
 from peaking.server.serving import bind, serve
 
 # Compiling takes longer than these servers live; what is tested is the disk.
@@ -42,7 +42,7 @@ for _ in sys.stdin:
     serve(
         listener,
         sessions=Path(sys.argv[1]),
-        config=ServerConfig(token=None, client_dir=Path("none")),
+        config=ServerOptions(token=None, client_dir=Path("none")),
         started=lambda: print(os.getpid(), listener.getsockname()[1], flush=True),
         told=print,
     )

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 from capture_uploads import SESSION_ID, capture_id, new_session, upload
 from peaking.options import DEFAULT, POLICY_NAMES
 from peaking.selection.registry import POLICIES
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
 from server.test_two_speeds import wait_for
 
@@ -31,7 +31,7 @@ ASKED = {
 def client(tmp_path_factory: pytest.TempPathFactory) -> Generator[TestClient]:
     root: Path = tmp_path_factory.mktemp("selection")
     options = replace(DEFAULT, pixels=4096, num_planes=8)
-    config = ServerConfig(token=None, client_dir=root, options=options)
+    config = ServerOptions(token=None, client_dir=root, options=options)
     app = create_app(store=SessionStore(root / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         client.put(SESSION, json=new_session())

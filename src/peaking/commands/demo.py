@@ -44,7 +44,7 @@ class Demo:
 
         from peaking.commands.serving import check_port, say_skipped
         from peaking.datasets import open_recording
-        from peaking.server.app import ServerConfig
+        from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
 
@@ -79,7 +79,7 @@ class Demo:
         serve(
             listener,
             sessions=self.sessions,
-            config=ServerConfig(
+            config=ServerOptions(
                 token=None,
                 client_dir=CLIENT_DIR,
                 options=options,

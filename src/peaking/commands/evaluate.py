@@ -15,7 +15,7 @@ from peaking.options import PAPER_PEAKED_SHARE, POLICY_NAMES, PolicyName
 
 if TYPE_CHECKING:
     from peaking.experiments.executors import Executor
-    from peaking.experiments.plan import EvaluationOptions, Step
+    from peaking.experiments.plan import EvaluationOptions, EvaluationStep
     from peaking.experiments.steps import Found
 
 
@@ -84,8 +84,8 @@ class Evaluate:
         from peaking.output import write_atomically
 
         def shown(
-            steps: Iterable[tuple[Step, Found]], total: int, what: str
-        ) -> Iterable[tuple[Step, Found]]:
+            steps: Iterable[tuple[EvaluationStep, Found]], total: int, what: str
+        ) -> Iterable[tuple[EvaluationStep, Found]]:
             return tqdm(steps, total=total, desc=what, unit="step", disable=total == 0)
 
         with checked_arguments():

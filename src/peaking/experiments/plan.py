@@ -148,10 +148,10 @@ class ScoreStep:
     """Folder for MPIs that all workers share."""
 
 
-Step = CountStep | PlaceStep | ChooseStep | ScoreStep
+EvaluationStep = CountStep | PlaceStep | ChooseStep | ScoreStep
 
 
-def key_of(step: Step) -> str:
+def key_of(step: EvaluationStep) -> str:
     """Return a name that changes with everything that a step's result depends on."""
     fields = {"step": type(step).__name__, "version": peaking.__version__, **asdict(step)}
     for path in ("scene", "lpips_folder", "mpis"):
