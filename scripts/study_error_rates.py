@@ -25,7 +25,7 @@ from peaking.study.simulation.truth import PAPER, no_effect
 from peaking.study.statistics.intervals import rank_biserials
 from peaking.study.statistics.outcome import Result
 from peaking.study.statistics.several import friedman, kruskal_wallis, repeated_anova
-from peaking.study.statistics.signed_ranks import (
+from peaking.study.statistics.signed_rank_test import (
     null_error,
     rank_biserial,
     score_limits,

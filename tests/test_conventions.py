@@ -24,7 +24,7 @@ from peaking.mpi import CELL_PX, TILE_PX, Mpi, tile_grid
 from peaking.options import DEFAULT
 from peaking.pipeline import Reconstruction
 from peaking.rendering import Rendering, render
-from peaking.rendering.blend import blend
+from peaking.rendering.blending import blend
 from recordings import write_recording
 
 ROOT = Path(__file__).parent.parent

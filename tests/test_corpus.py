@@ -29,9 +29,9 @@ from corpus.write import (
 from peaking.cli import main
 from peaking.datasets import open_recording
 from peaking.mpi_file import decode
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
-from peaking.server.study.app import StudyConfig, create_study_app
+from peaking.server.study.app import StudyServerOptions, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.splat.ply import read_ply
 from peaking.study.records import read_participants
@@ -63,7 +63,7 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Opened:
 
 def capture_app(store: SessionStore) -> Any:
     return create_app(
-        store=store, config=ServerConfig(token=None, client_dir=store.root / "no client")
+        store=store, config=ServerOptions(token=None, client_dir=store.root / "no client")
     )
 
 
@@ -215,7 +215,7 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
     records = {record.pseudonym: record for record in read_participants(folder)}
     assert records["P01"].trials[0].answers["sus"]["q1"] == 4
     store = SessionStore(folder / "sessions")
-    config = StudyConfig(
+    config = StudyServerOptions(
         token=None,
         console_token=None,
         client_dir=folder / "no client",

@@ -149,6 +149,14 @@ def test_no_files_import_each_other_in_a_circle() -> None:
     assert [[str(path.relative_to(ROOT)) for path in circle] for circle in found] == []
 
 
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_no_module_has_the_name_of_a_function_in_it(path: Path) -> None:
+    """Else `peaking.a.b.b` is the one or the other, depending on what was imported before."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names = {n.name for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+    assert module_of(path).rsplit(".", 1)[-1] not in names
+
+
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, peaking; print([m for m in ('numba', 'cv2', 'numpy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from peaking.splat.gaussians import Gaussians
     from peaking.splat.options import SplatOptions
     from peaking.splat.ply import read_ply, write_ply
-    from peaking.splat.train import train
+    from peaking.splat.training import train
     from peaking.view_builder import generate
 
 __version__ = "0.2.0.dev0"
@@ -95,7 +95,7 @@ _HOMES = {
     "read_ply": "splat.ply",
     "render": "rendering",
     "select": "selection.recorded_frames",
-    "train": "splat.train",
+    "train": "splat.training",
     "write_mpi": "mpi_file",
     "write_ply": "splat.ply",
 }

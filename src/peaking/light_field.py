@@ -20,7 +20,7 @@ from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Opacity, Options
 from peaking.rendering import Rendering, render
-from peaking.rendering.blend import blend
+from peaking.rendering.blending import blend
 from peaking.timing import Stopwatch
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 

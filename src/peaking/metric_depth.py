@@ -25,7 +25,7 @@ from peaking.depth.scale_shift import (
     fit_metric,
     metric_depth_m,
 )
-from peaking.depth.triangulate import triangulate
+from peaking.depth.triangulation import triangulate
 from peaking.errors import NothingToAlign
 from peaking.frame import Frame
 from peaking.geometry import Camera

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 PresetName = Literal["default", "paper"]
 GeneratorName = Literal["layered", "adampi"]
@@ -26,6 +26,9 @@ BlendWeights = Literal["paper", "overlap"]
 Opacity = Literal["paper", "seen"]
 Device = Literal["auto", "cpu", "cuda"]
 Precision = Literal["float32", "bfloat16", "float16"]
+PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
+"""Of view selection; `selection/registry.py` says what they are."""
+POLICY_NAMES: tuple[PolicyName, ...] = get_args(PolicyName)
 DepthRuntime = Literal["pytorch", "openvino", "openvino-bf16"]
 
 PAPER_PIXELS = 294 * 639

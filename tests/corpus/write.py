@@ -29,14 +29,14 @@ from peaking.cli import main
 from peaking.mpi_file import read_mpi
 from peaking.options import DEFAULT
 from peaking.output import encode_jpeg
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore
-from peaking.server.study.app import StudyConfig, create_study_app
+from peaking.server.study.app import StudyServerOptions, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.splat.ply import read_ply, write_ply
-from peaking.study.analysis.analyse import analyse
 from peaking.study.analysis.matrix import matrices_of
+from peaking.study.analysis.measure_analysis import analyse
 from peaking.study.privacy import erase_participant
 from peaking.study.tables import read_study
 from recordings import Room, lateral_cameras, write_recording
@@ -123,7 +123,7 @@ def _clock() -> Callable[[], float]:
 
 def _capture_app(store: SessionStore, root: Path) -> Any:
     options = replace(DEFAULT, pixels=PIXELS, num_planes=PLANES)
-    config = ServerConfig(token=None, client_dir=root / "none", options=options)
+    config = ServerOptions(token=None, client_dir=root / "none", options=options)
     return create_app(store=store, config=config)
 
 
@@ -259,7 +259,7 @@ def _study(folder: Path) -> None:
     folder.mkdir()
     (folder / "protocol.toml").write_text(PROTOCOL)
     sessions = SessionStore(folder / "sessions", clock=_clock())
-    config = StudyConfig(
+    config = StudyServerOptions(
         token=None,
         console_token=None,
         client_dir=folder / "none",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from peaking.depth.triangulate import _met, triangulate
+from peaking.depth.triangulation import _met, triangulate
 from peaking.frame import Frame
 from recordings import lateral_cameras
 

@@ -18,7 +18,7 @@ from peaking.datasets import open_recording
 from peaking.errors import OutputError
 from peaking.experiments.costs import Costs, added, took, worker_name
 from peaking.experiments.executors import InProcess, ProcessPool
-from peaking.experiments.plan import EvaluationOptions, Step
+from peaking.experiments.plan import EvaluationOptions, EvaluationStep
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found
 from peaking.mpi import Mpi
@@ -47,7 +47,7 @@ class Kept:
     def __init__(self) -> None:
         self.found: list[Found] = []
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         for step, found in ProcessPool(2).run(steps):
             self.found.append(found)
             yield step, found

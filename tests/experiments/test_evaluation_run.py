@@ -20,7 +20,7 @@ from peaking.experiments.executors import InProcess, ProcessPool
 from peaking.experiments.plan import (
     ChooseStep,
     EvaluationOptions,
-    Step,
+    EvaluationStep,
     choose_steps,
     key_of,
 )
@@ -55,10 +55,10 @@ class Counting:
     """Does steps here, and counts them; gives up before step `stop_before`."""
 
     def __init__(self, stop_before: int | None = None) -> None:
-        self.done: list[Step] = []
+        self.done: list[EvaluationStep] = []
         self._stop_before = stop_before
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         for step in steps:
             if len(self.done) == self._stop_before:
                 raise KeyboardInterrupt
@@ -224,7 +224,7 @@ class Killing:
         self._pool = pool
         self.killed = False
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         for found in self._pool.run(steps):
             if not self.killed and len(steps) > 4:
                 os.kill(worker_processes()[0], signal.SIGKILL)

@@ -16,7 +16,7 @@ from peaking.errors import BackendUnavailable, RecordingError
 from peaking.experiments import placing
 from peaking.experiments.executors import InProcess
 from peaking.experiments.placing import Placement, at_pose, pose_of
-from peaking.experiments.plan import EvaluationOptions, PlaceStep, Step
+from peaking.experiments.plan import EvaluationOptions, EvaluationStep, PlaceStep
 from peaking.experiments.reconstruct import SplatTraining
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found, perform
@@ -137,9 +137,9 @@ class Noting:
     """Does steps here, and notes them."""
 
     def __init__(self) -> None:
-        self.done: list[Step] = []
+        self.done: list[EvaluationStep] = []
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         for step in steps:
             self.done.append(step)
             yield step, perform(step)
@@ -171,7 +171,7 @@ def test_pictures_that_cannot_be_joined_are_said_with_the_recording(
         raise CamerasNotFound("COLMAP could not join three of the pictures")
 
     monkeypatch.setattr(placing, "estimate_cameras", lost)
-    with pytest.raises(CamerasNotFound, match=f"{walk}/transforms.json: COLMAP could not join"):
+    with pytest.raises(CamerasNotFound, match=f"{walk / 'transforms.json'}: COLMAP could not join"):
         evaluate(plan, tmp_path / "out", InProcess())
 
 

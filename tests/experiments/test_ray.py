@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from peaking.experiments.executors import InProcess, RayTasks
-from peaking.experiments.plan import EvaluationOptions, Step
+from peaking.experiments.plan import EvaluationOptions, EvaluationStep
 from peaking.experiments.run import evaluate
 from peaking.experiments.steps import Found
 from peaking.options import DEFAULT
@@ -27,9 +27,9 @@ class Killing:
     def __init__(self, tasks: RayTasks) -> None:
         self._tasks = tasks
         self.killed = 0
-        self.results: list[Step] = []
+        self.results: list[EvaluationStep] = []
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         for step, found in self._tasks.run(steps):
             if not self.killed:
                 self.killed = kill_a_worker()

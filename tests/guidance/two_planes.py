@@ -22,7 +22,7 @@ from peaking.guidance import PlenopticBound
 from peaking.guidance.viewing import Viewing, extended_bound
 from peaking.mpi import Mpi
 from peaking.rendering import Backend, render
-from peaking.rendering.blend import blend
+from peaking.rendering.blending import blend
 
 WIDTH_PX, HEIGHT_PX = 420, 12
 """The upper half is the near surface, the lower half the far one."""

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from peaking.options import Opacity
 from peaking.rendering import Backend
-from peaking.rendering.blend import blend
+from peaking.rendering.blending import blend
 
 AGREEMENT = 2e-6
 """float32 against float64; worst measured 4.8e-7 (depth; colours 1.8e-7) over 400

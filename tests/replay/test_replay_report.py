@@ -14,7 +14,7 @@ from replay_factories import FRAMES, panels, path_record, plain, settings, walk
 
 from html_pages import Page
 from peaking.replay.charts import index_ticks, nice_at_least, percent, share_chart
-from peaking.replay.path_map import map_view, path_map, words_of_length
+from peaking.replay.path_map_svg import map_view, path_map, words_of_length
 from peaking.replay.records import FrameRecord, summarize
 from peaking.replay.report import write_report
 from peaking.replay.stills import Still, StillPicker, encode_stills

@@ -14,7 +14,7 @@ from peaking.errors import PeakingError
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
-from peaking.options import DEFAULT
+from peaking.options import DEFAULT, PolicyName
 from peaking.selection.backward_elimination import HELD_PER_VIEW, BackwardElimination
 from peaking.selection.policy import Candidate, CandidatePath, Policy
 from peaking.selection.recorded_frames import RecordedFrames
@@ -130,7 +130,9 @@ def test_a_rotation_can_count_as_a_way() -> None:
 
 @pytest.mark.parametrize("name", sorted(POLICIES))
 @pytest.mark.parametrize("count", [2, 5])
-def test_every_policy_gives_as_many_as_asked(frames: RecordedFrames, name: str, count: int) -> None:
+def test_every_policy_gives_as_many_as_asked(
+    frames: RecordedFrames, name: PolicyName, count: int
+) -> None:
     numbers = [i for i in range(NUM_FRAMES) if i % 3]
     chosen = select_from(frames.path(numbers), SelectionOptions(name, num_views=count), SMALL)
     assert chosen == sorted(set(chosen))
@@ -138,7 +140,7 @@ def test_every_policy_gives_as_many_as_asked(frames: RecordedFrames, name: str, 
     assert len(chosen) == (len(numbers) if name == "all" else count)
 
 
-ONLINE = {
+ONLINE: dict[PolicyName, SelectionOptions] = {
     "peaking": SelectionOptions("peaking", num_views=3),
     "threshold": SelectionOptions("threshold", threshold_share=0.05),
     "plenoptic": SelectionOptions("plenoptic", spacing_m=0.1),
@@ -147,7 +149,7 @@ ONLINE = {
 
 @pytest.mark.parametrize("name", sorted(ONLINE))
 def test_what_is_held_follows_from_the_frames_seen_so_far(
-    frames: RecordedFrames, name: str
+    frames: RecordedFrames, name: PolicyName
 ) -> None:
     """A policy that goes on to other frames has held the same until then."""
     candidates = whole(frames).candidates
@@ -166,7 +168,7 @@ def held_after(policy: Policy, candidate: Candidate) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("name", sorted(ONLINE))
-def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: str) -> None:
+def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: PolicyName) -> None:
     policy = create_policy(ONLINE[name], SMALL)
     held: set[int] = set()
     for candidate in whole(frames).candidates:
@@ -181,15 +183,16 @@ def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: str) -> 
 
 
 def test_those_that_need_the_whole_path_say_so() -> None:
-    needing = {name for name, kind in POLICIES.items() if kind.needs_whole_path}
+    needing: set[PolicyName] = {name for name, kind in POLICIES.items() if kind.needs_whole_path}
     assert needing == {"uniform", "farthest", "random", "all"}
-    for name in needing | {"threshold", "plenoptic"}:
+    also: set[PolicyName] = {"threshold", "plenoptic"}
+    for name in needing | also:
         with pytest.raises(NeedsWholePath, match=f"whole path for the policy {name}"):
             create_policy(SelectionOptions(name, num_views=3))
 
 
 @pytest.mark.parametrize("name", ["peaking", "uniform", "plenoptic"])
-def test_without_a_number_of_views_it_is_said(name: str) -> None:
+def test_without_a_number_of_views_it_is_said(name: PolicyName) -> None:
     with pytest.raises(ValueError, match=f"need a number of views.*{name}"):
         create_policy(SelectionOptions(name))
 

@@ -15,7 +15,7 @@ from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
 from peaking.datasets import open_recording
 from peaking.mpi_file import decode
 from peaking.server import wire
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.open_session import OpenSession
 from peaking.server.openapi import OPERATIONS
 from peaking.server.recordings import PlayedRecording
@@ -36,7 +36,7 @@ def client_of(root: Path, *, token: str | None = TOKEN, **config: Any) -> TestCl
     for name in ("index", "check", "sessions"):
         (pages / f"{name}.html").write_text(f"<p>{name}</p>")
     store = SessionStore(root / "sessions")
-    app = create_app(store=store, config=ServerConfig(token=token, client_dir=pages, **config))
+    app = create_app(store=store, config=ServerOptions(token=token, client_dir=pages, **config))
     headers = {} if token is None else {"Authorization": f"Bearer {token}"}
     return TestClient(
         app, base_url="http://localhost", headers=headers, raise_server_exceptions=False
@@ -309,7 +309,7 @@ def test_the_token_is_in_no_log(
 
 
 def test_without_a_built_client_it_is_said(tmp_path: Path) -> None:
-    config = ServerConfig(token=None, client_dir=tmp_path / "nothing")
+    config = ServerOptions(token=None, client_dir=tmp_path / "nothing")
     app = create_app(store=SessionStore(tmp_path / "s"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         answer = client.get("/")

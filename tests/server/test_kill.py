@@ -25,8 +25,8 @@ SERVERS = """
 import os, sys
 from pathlib import Path
 from peaking.server import generation
-from peaking.server.app import ServerConfig
-from peaking.server.run import bind, serve
+from peaking.server.app import ServerOptions
+from peaking.server.serving import bind, serve
 
 # Compiling takes longer than these servers live; what is tested is the disk.
 generation.GenerationQueue._work = lambda self: [None for _ in iter(self._waiting.get, None)]
@@ -42,7 +42,7 @@ for _ in sys.stdin:
     serve(
         listener,
         sessions=Path(sys.argv[1]),
-        config=ServerConfig(token=None, client_dir=Path("none")),
+        config=ServerOptions(token=None, client_dir=Path("none")),
         started=lambda: print(os.getpid(), listener.getsockname()[1], flush=True),
         told=print,
     )

@@ -10,11 +10,11 @@ from starlette.routing import Mount, Route
 from starlette.testclient import TestClient
 
 from capture_uploads import SESSION_ID, capture_id, new_session, upload
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.sessions import SessionStore
 from peaking.server.study.openapi import STUDY_OPERATIONS
-from peaking.server.typescript import study_typescript, typescript
+from peaking.server.typescript import study_typescript, wire_typescript
 from peaking.study.protocol import FILE_NAME
 from study.test_protocol import SMALL
 from study.test_serve_study import open_client
@@ -23,7 +23,7 @@ WIRE_TS = Path(__file__).parents[2] / "web" / "src" / "wire.ts"
 
 
 def test_the_typescript_twin_is_fresh() -> None:
-    assert WIRE_TS.read_text() == typescript(), "stale; run: make wire"
+    assert WIRE_TS.read_text() == wire_typescript(), "stale; run: make wire"
     twin = WIRE_TS.parent / "study" / "wire.ts"
     assert twin.read_text() == study_typescript(), "stale; run: make wire"
 
@@ -31,7 +31,7 @@ def test_the_typescript_twin_is_fresh() -> None:
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
     root = tmp_path_factory.mktemp("fuzz")
-    config = ServerConfig(token=None, client_dir=root, max_upload_bytes=200_000)
+    config = ServerOptions(token=None, client_dir=root, max_upload_bytes=200_000)
     app = create_app(store=SessionStore(root / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         client.put(f"/api/v1/sessions/{SESSION_ID}", json=new_session())

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from peaking.server.certificates import authority, lan_addresses, server_context
-from peaking.server.run import bind
+from peaking.server.serving import bind
 
 PEAKING = "from peaking.cli import main; main()"
 

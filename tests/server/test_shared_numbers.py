@@ -10,7 +10,7 @@ import pytest
 
 from peaking.options import DEFAULT
 from peaking.server import wire
-from peaking.server.app import ServerConfig
+from peaking.server.app import ServerOptions
 from peaking.server.study import wire as study_wire
 
 ROOT = Path(__file__).parents[2]
@@ -52,7 +52,7 @@ def test_a_client_can_miss_two_pings() -> None:
 
 def test_more_neighbours_than_clients_blend_are_refused_at_the_start() -> None:
     most = replace(DEFAULT, neighbours=wire.MAX_NEIGHBOURS)
-    ServerConfig(token=None, client_dir=Path("none"), options=most)
+    ServerOptions(token=None, client_dir=Path("none"), options=most)
     more = replace(DEFAULT, neighbours=wire.MAX_NEIGHBOURS + 1)
     with pytest.raises(ValueError, match="neighbours <= 8, which is what clients can blend, got 9"):
-        ServerConfig(token=None, client_dir=Path("none"), options=more)
+        ServerOptions(token=None, client_dir=Path("none"), options=more)

@@ -30,7 +30,7 @@ from peaking.mpi import Mpi
 from peaking.mpi_file import decode
 from peaking.options import DEFAULT, Options
 from peaking.server import generation
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.session_log import MpiMade, SessionLog
 from peaking.server.sessions import SessionStore
 from peaking.view_builder import ViewBuilder
@@ -40,7 +40,9 @@ SESSION = f"/api/v1/sessions/{SESSION_ID}"
 
 def client_of(root: Path, options: Options) -> TestClient:
     store = SessionStore(root / "sessions")
-    app = create_app(store=store, config=ServerConfig(token=None, client_dir=root, options=options))
+    app = create_app(
+        store=store, config=ServerOptions(token=None, client_dir=root, options=options)
+    )
     return TestClient(app, base_url="http://localhost")
 
 

@@ -21,7 +21,7 @@ from peaking.splat.optimiser import AdamState
 from peaking.splat.options import SplatOptions
 from peaking.splat.rasterise import render
 from peaking.splat.rendering import CutOffs
-from peaking.splat.train import train
+from peaking.splat.training import train
 from splat.scenes_of_gaussians import HERE, cloud
 
 pytestmark = [pytest.mark.gpu, pytest.mark.filterwarnings("default")]

@@ -8,7 +8,7 @@ import pytest
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.splat.gaussians import Gaussians
-from peaking.splat.preview import GAP_PX, preview
+from peaking.splat.preview_picture import GAP_PX, preview
 from splat.scenes_of_gaussians import one
 
 

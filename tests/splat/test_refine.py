@@ -9,7 +9,7 @@ import numpy as np
 from peaking.splat.columns import LOG_SCALES, MEAN_X, MEANS, OPACITY_LOGIT, QUAT_X, QUATS
 from peaking.splat.optimiser import AdamState
 from peaking.splat.options import SplatOptions
-from peaking.splat.refine import refine
+from peaking.splat.refinement import refine
 from splat.scenes_of_gaussians import cloud
 
 OPTIONS = SplatOptions(grow_grad2d=1.0, grow_scale3d=0.1, max_gaussians=100)

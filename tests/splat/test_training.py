@@ -13,11 +13,11 @@ from peaking.geometry import Pinhole
 from peaking.metrics.psnr_ssim import psnr
 from peaking.splat.columns import MEANS
 from peaking.splat.gaussians import Gaussians
-from peaking.splat.initial_points import initial_points
+from peaking.splat.initialisation import initial_points
 from peaking.splat.loss import loss_and_gradient, ssim_and_gradient
 from peaking.splat.options import SplatOptions
 from peaking.splat.rasterise import render
-from peaking.splat.train import Trainer, TrainingStep, train
+from peaking.splat.training import Trainer, TrainingStep, train
 from recordings import Room, lateral_cameras
 
 SHORT = SplatOptions(iterations=120, max_init_points=1500, refine_every=30, max_gaussians=4000)

@@ -10,9 +10,9 @@ import pytest
 from starlette.testclient import TestClient
 
 from peaking.errors import StudyError
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
-from peaking.server.study.app import StudyConfig, create_study_app
+from peaking.server.study.app import StudyServerOptions, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.server.wire import PROTOCOL
 from peaking.study.privacy import erase_participant, held
@@ -29,9 +29,9 @@ SESSION = "5e551011-0000-4000-8000-000000000001"
 def open_client(folder: Path, *, token: str | None = None) -> TestClient:
     sessions = SessionStore(folder / "sessions")
     capture = create_app(
-        store=sessions, config=ServerConfig(token=token, client_dir=folder / "none")
+        store=sessions, config=ServerOptions(token=token, client_dir=folder / "none")
     )
-    config = StudyConfig(
+    config = StudyServerOptions(
         token=token,
         console_token=None if token is None else f"console-{token}",
         client_dir=folder / "none",

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from peaking.study.analysis.matrix import Matrix
-from peaking.study.catalogue import Measure
+from peaking.study.measure_catalogue import Measure
 from peaking.study.measures import catalogue_of
 from peaking.study.protocol import Protocol, parse_protocol
 

@@ -8,10 +8,10 @@ import io
 import numpy as np
 import pytest
 
-from peaking.study.analysis.analyse import Analysis, MeasureAnalysis, analyse
 from peaking.study.analysis.csv_files import codebook_csv, results_csv, wide_csv
 from peaking.study.analysis.matrix import Matrix, build_matrices
-from peaking.study.analysis.over_time import progress_curve
+from peaking.study.analysis.measure_analysis import Analysis, MeasureAnalysis, analyse
+from peaking.study.analysis.over_time_figure import progress_curve
 from peaking.study.analysis.words import bounded, decimal, p_value, reported, sentence, stars
 from peaking.study.statistics.outcome import FISHER, SCORE, Result, Untestable
 from peaking.study.statistics.paired import wilcoxon

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from peaking.study.analysis.analyse import Analysis, analyse
 from peaking.study.analysis.figure_style import png_bytes, svg_bytes
+from peaking.study.analysis.measure_analysis import Analysis, analyse
 from peaking.study.analysis.report import report_page
 from peaking.study.analysis.run import figures_of, results_text
 from study_analysis.matrices import THREE, TWO, matrix, normal_rows, protocol

@@ -14,7 +14,7 @@ from peaking.cli import main
 from peaking.study.analysis.matrix import matrices_of
 from peaking.study.analysis.run import analyse_folder
 from peaking.study.protocol import Protocol, parse_protocol
-from peaking.study.simulation.draw import draw, draw_one
+from peaking.study.simulation.drawing import draw, draw_one
 from peaking.study.simulation.error_rates import Count, coverage, false_positives
 from peaking.study.simulation.folder import simulated_protocol, write_study
 from peaking.study.simulation.truth import CORRELATION, PAPER, Truth, no_effect

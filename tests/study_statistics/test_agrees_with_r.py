@@ -13,8 +13,8 @@ from statsmodels.stats.anova import AnovaRM
 
 from peaking.study.statistics.assumptions import greenhouse_geisser, levene, mauchly, shapiro_wilk
 from peaking.study.statistics.groups import mann_whitney, welch_t
-from peaking.study.statistics.holm import holm
-from peaking.study.statistics.order_effects import order_effects
+from peaking.study.statistics.holm_correction import holm
+from peaking.study.statistics.order_effect_tests import order_effects
 from peaking.study.statistics.outcome import Effect, Outcome, Result
 from peaking.study.statistics.paired import paired_t, wilcoxon
 from peaking.study.statistics.power import (

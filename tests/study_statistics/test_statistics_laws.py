@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from peaking.study.statistics.decision import Decision, decide_groups, decide_paired
-from peaking.study.statistics.holm import holm
+from peaking.study.statistics.holm_correction import holm
 from peaking.study.statistics.outcome import Outcome, Result
 from peaking.study.statistics.paired import paired_t, wilcoxon
 from peaking.study.statistics.rank_sums import score_limits as limits_of_groups
-from peaking.study.statistics.signed_ranks import score_limits
+from peaking.study.statistics.signed_rank_test import score_limits
 
 ANSWERS = st.integers(1, 7)
 TIMES = st.floats(1.0, 500.0).map(lambda x: round(x, 2))

@@ -7,8 +7,8 @@ import pytest
 
 from peaking.study.statistics.assumptions import levene, mauchly, shapiro_wilk
 from peaking.study.statistics.groups import mann_whitney, welch_t
-from peaking.study.statistics.holm import holm
-from peaking.study.statistics.order_effects import order_effects
+from peaking.study.statistics.holm_correction import holm
+from peaking.study.statistics.order_effect_tests import order_effects
 from peaking.study.statistics.outcome import Outcome, Result, Untestable
 from peaking.study.statistics.paired import paired_t, wilcoxon
 from peaking.study.statistics.power import power_paired_t, smallest_effect

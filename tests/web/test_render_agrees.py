@@ -23,7 +23,7 @@ from peaking.mpi_file import encode
 from peaking.options import PRESETS, Options
 from peaking.pipeline import Reconstruction
 from peaking.rendering import render
-from peaking.rendering.blend import blend
+from peaking.rendering.blending import blend
 from peaking.server.recordings import wire_of_camera
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 

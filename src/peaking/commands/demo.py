@@ -44,9 +44,9 @@ class Demo:
 
         from peaking.commands.serving import check_port, say_skipped
         from peaking.datasets import open_recording
-        from peaking.server.app import ServerConfig
+        from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
-        from peaking.server.run import CLIENT_DIR, bind, serve
+        from peaking.server.serving import CLIENT_DIR, bind, serve
 
         check_port(self.port)
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host
@@ -79,7 +79,7 @@ class Demo:
         serve(
             listener,
             sessions=self.sessions,
-            config=ServerConfig(
+            config=ServerOptions(
                 token=None,
                 client_dir=CLIENT_DIR,
                 options=options,

@@ -11,14 +11,12 @@ import tyro
 
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodFlags
-from peaking.options import PAPER_PEAKED_SHARE
+from peaking.options import PAPER_PEAKED_SHARE, POLICY_NAMES, PolicyName
 
 if TYPE_CHECKING:
     from peaking.experiments.executors import Executor
-    from peaking.experiments.plan import EvaluationOptions, Step
+    from peaking.experiments.plan import EvaluationOptions, EvaluationStep
     from peaking.experiments.steps import Found
-
-StrategyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 
 
 @dataclass(frozen=True)
@@ -41,9 +39,7 @@ class Evaluate:
     """Nerfstudio folders with depth (without depth: only 3dgs, and strategies that use poses)."""
     out: Path
     """Folder to write the results to."""
-    strategies: tuple[StrategyName, ...] = (
-        "peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all",
-    )  # fmt: skip
+    strategies: tuple[PolicyName, ...] = POLICY_NAMES
     """View-selection strategies; all are compared with `peaking`, or with the first if it is not
     among them."""
     reconstruct: tuple[Literal["mpi", "3dgs"], ...] = ("mpi",)
@@ -88,8 +84,8 @@ class Evaluate:
         from peaking.output import write_atomically
 
         def shown(
-            steps: Iterable[tuple[Step, Found]], total: int, what: str
-        ) -> Iterable[tuple[Step, Found]]:
+            steps: Iterable[tuple[EvaluationStep, Found]], total: int, what: str
+        ) -> Iterable[tuple[EvaluationStep, Found]]:
             return tqdm(steps, total=total, desc=what, unit="step", disable=total == 0)
 
         with checked_arguments():

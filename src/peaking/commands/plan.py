@@ -64,7 +64,7 @@ class Plan:
         """Print the plan."""
         from peaking.commands.arguments import ArgumentError, checked_arguments
         from peaking.commands.results import write_results
-        from peaking.guidance.plan_chart import NAMES
+        from peaking.guidance.plan_svg import NAMES
         from peaking.guidance.plenoptic import PlenopticBound
         from peaking.guidance.viewing import Viewing, limits
         from peaking.output import write_atomically
@@ -135,12 +135,12 @@ class Plan:
 def _drawn(path: Path, bound: PlenopticBound, viewing: Viewing) -> bytes:
     """Return the chart in the format of the file name."""
     from peaking.errors import ToolMissing
-    from peaking.guidance.plan_chart import plan_chart
+    from peaking.guidance.plan_svg import plan_chart
 
     if path.suffix == ".svg":
         return plan_chart(bound, viewing).encode()
     try:
-        from peaking.guidance.plan_picture import plan_picture
+        from peaking.guidance.plan_png import plan_picture
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise

@@ -11,10 +11,9 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodFlags
-from peaking.options import PAPER_PEAKED_SHARE
+from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 
 STARTING = "starting (the first run compiles for about 30 s)"
-PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 COMPILED_AFTER = 2
 """The first frame is captured and the second compared with it: then all kernels are compiled."""
 

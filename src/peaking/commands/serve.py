@@ -47,9 +47,9 @@ class Serve:
         import segno
 
         from peaking.commands.serving import check_port, https_origins, say_skipped
-        from peaking.server.app import ServerConfig
+        from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
-        from peaking.server.run import CLIENT_DIR, bind, serve
+        from peaking.server.serving import CLIENT_DIR, bind, serve
 
         token = self.token or secrets.token_urlsafe(18)
         if len(token) < MIN_TOKEN_CHARS:
@@ -85,7 +85,7 @@ class Serve:
         serve(
             listener,
             sessions=self.sessions,
-            config=ServerConfig(
+            config=ServerOptions(
                 token=token,
                 client_dir=CLIENT_DIR,
                 options=options,

@@ -66,7 +66,7 @@ class Splat:
         from peaking.commands.results import write_results
         from peaking.output import write_atomically
         from peaking.splat.ply import encode_ply
-        from peaking.splat.train import TrainingStep, train
+        from peaking.splat.training import TrainingStep, train
 
         self._check()
         backend = self._backend()
@@ -140,7 +140,7 @@ class Splat:
     def _material(self) -> tuple[list[Frame], list[Frame], PointCloud]:
         """Return the frames to train on, those held out, and the points to start from."""
         from peaking.errors import RecordingError
-        from peaking.splat.initial_points import MIN_POINTS, surface_points
+        from peaking.splat.initialisation import MIN_POINTS, surface_points
 
         frames, points = self._frames()
         held_back = {
@@ -200,7 +200,7 @@ class Splat:
         import numpy as np
 
         from peaking.output import encode_jpeg, write_atomically
-        from peaking.splat.preview import preview
+        from peaking.splat.preview_picture import preview
 
         chosen = np.linspace(0, len(frames) - 1, min(self.previews, len(frames))).round()
         shown = [frames[int(index)] for index in chosen]

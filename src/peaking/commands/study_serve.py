@@ -41,11 +41,11 @@ class ServeStudy:
 
         from peaking.commands.serving import check_port, https_origins, say_skipped
         from peaking.options import PRESETS
-        from peaking.server.app import ServerConfig, create_app
+        from peaking.server.app import ServerOptions, create_app
         from peaking.server.events import Hub
-        from peaking.server.run import CLIENT_DIR, bind, run
+        from peaking.server.serving import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore
-        from peaking.server.study.app import StudyConfig, create_study_app
+        from peaking.server.study.app import StudyServerOptions, create_study_app
         from peaking.server.study.open_study import OpenStudy
         from peaking.study.privacy import held
         from peaking.study.protocol import load_protocol
@@ -72,7 +72,7 @@ class ServeStudy:
             capture = create_app(
                 store=sessions,
                 hub=hubs[0],
-                config=ServerConfig(
+                config=ServerOptions(
                     token=token,
                     client_dir=CLIENT_DIR,
                     options=PRESETS[self.preset],
@@ -84,7 +84,7 @@ class ServeStudy:
                 sessions=sessions,
                 capture=capture,
                 hub=hubs[1],
-                config=StudyConfig(
+                config=StudyServerOptions(
                     token=token,
                     console_token=console_token,
                     client_dir=CLIENT_DIR,

@@ -18,7 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Protocol, runtime_checkable
 
 from peaking.errors import BackendUnavailable, PeakingError
-from peaking.experiments.plan import Step
+from peaking.experiments.plan import EvaluationStep
 from peaking.experiments.steps import Found, perform
 
 RETRIES = 2
@@ -29,7 +29,7 @@ RETRIES = 2
 class Executor(Protocol):
     """Does steps, and hands over each result as soon as it is there."""
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps, in any order."""
         ...
 
@@ -37,7 +37,7 @@ class Executor(Protocol):
 class InProcess:
     """One step after another, here."""
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps in their order."""
         for step in steps:
             yield step, perform(step)
@@ -50,7 +50,7 @@ class ProcessPool:
         """Use so many workers; one per core when not given."""
         self._workers = workers or os.cpu_count() or 1
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps; neighbours in the list go to workers that know the scene already.
 
         Raises:
@@ -73,7 +73,7 @@ class ProcessPool:
                     ) from error
             left = [step for k, step in enumerate(left) if k not in done]
 
-    def _once(self, steps: Sequence[Step]) -> Iterator[tuple[int, Found]]:
+    def _once(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[int, Found]]:
         context = multiprocessing.get_context("spawn")
         count = min(self._workers, len(steps))
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_pool_worker)
@@ -115,7 +115,7 @@ class RayTasks:
         if not ray.is_initialized():
             ray.init(address=address, include_dashboard=False, log_to_driver=False)
 
-    def run(self, steps: Sequence[Step]) -> Iterator[tuple[Step, Found]]:
+    def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps; Ray begins those of a worker that died anew."""
         task = self._ray.remote(num_cpus=1, max_retries=RETRIES)(_perform_alone)
         waiting = {task.remote(step): step for step in steps}
@@ -130,7 +130,7 @@ class RayTasks:
                 yield step, found
 
 
-def _perform_alone(step: Step) -> Found:
+def _perform_alone(step: EvaluationStep) -> Found:
     _begin_worker()
     return perform(step)
 

@@ -20,10 +20,10 @@ from peaking.experiments.reconstruct import ModelKind, SplatTraining
 from peaking.experiments.results import Case
 from peaking.experiments.splits import TestViews
 from peaking.metrics.lpips import LpipsName
-from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options
+from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, POLICY_NAMES, Options, PolicyName
 from peaking.selection.registry import POLICIES
 
-REFERENCE = "peaking"
+REFERENCE: PolicyName = "peaking"
 """The strategy that the others are compared with, where it takes part."""
 
 
@@ -33,7 +33,7 @@ class EvaluationOptions:
 
     scenes: tuple[Path, ...]
     options: Options = DEFAULT
-    strategies: tuple[str, ...] = tuple(POLICIES)
+    strategies: tuple[PolicyName, ...] = POLICY_NAMES
     reconstruct: tuple[ModelKind, ...] = ("mpi",)
     test_views: tuple[TestViews, ...] = ("holdout",)
     views: tuple[int, ...] | Literal["threshold-count"] | None = None
@@ -69,7 +69,7 @@ class EvaluationOptions:
             )
 
     @property
-    def reference(self) -> str:
+    def reference(self) -> PolicyName:
         """The strategy that the others are compared with."""
         return REFERENCE if REFERENCE in self.strategies else self.strategies[0]
 
@@ -118,7 +118,7 @@ class ChooseStep:
     scene: Path
     fingerprint: str
     options: Options
-    strategy: str
+    strategy: PolicyName
     test_views: TestViews
     num_views: int
     seed: int
@@ -148,10 +148,10 @@ class ScoreStep:
     """Folder for MPIs that all workers share."""
 
 
-Step = CountStep | PlaceStep | ChooseStep | ScoreStep
+EvaluationStep = CountStep | PlaceStep | ChooseStep | ScoreStep
 
 
-def key_of(step: Step) -> str:
+def key_of(step: EvaluationStep) -> str:
     """Return a name that changes with everything that a step's result depends on."""
     fields = {"step": type(step).__name__, "version": peaking.__version__, **asdict(step)}
     for path in ("scene", "lpips_folder", "mpis"):

@@ -46,7 +46,7 @@ def with_gaussians(
 ) -> Renderer:
     """Train 3D Gaussians on the chosen views and return what they show."""
     from peaking.splat.rasterise import render as rasterise
-    from peaking.splat.train import SplatOptions, train
+    from peaking.splat.training import SplatOptions, train
 
     options = SplatOptions(iterations=plan.iterations, seed=seed)
     with stopwatch.stage("training"):

@@ -24,9 +24,9 @@ from peaking.experiments.plan import (
     ChooseStep,
     CountStep,
     EvaluationOptions,
+    EvaluationStep,
     PlaceStep,
     ScoreStep,
-    Step,
     case_of,
     choose_steps,
     score_step,
@@ -50,13 +50,15 @@ OUTPUTS = ("results.json", "views.csv", "table.md", "table.tex", "report.html")
 BOOTSTRAP_SEED = 20250625
 """Of the resampling of test views: the same results give the same intervals."""
 
-StepProgress = Callable[[Iterable[tuple[Step, Found]], int, str], Iterable[tuple[Step, Found]]]
+StepProgress = Callable[
+    [Iterable[tuple[EvaluationStep, Found]], int, str], Iterable[tuple[EvaluationStep, Found]]
+]
 """Wraps finished steps, with their number and what they are, to show how far it is."""
 
 
 def no_progress(
-    steps: Iterable[tuple[Step, Found]], total: int, what: str
-) -> Iterable[tuple[Step, Found]]:
+    steps: Iterable[tuple[EvaluationStep, Found]], total: int, what: str
+) -> Iterable[tuple[EvaluationStep, Found]]:
     """Show nothing."""
     return steps
 
@@ -70,9 +72,11 @@ class Runner:
     progress: StepProgress = no_progress
     peaks_mb: dict[str, float] = field(default_factory=dict[str, float])
     """The most memory that each worker had, by its name; of the workers that had most together."""
-    took: dict[Step, Mapping[str, Any]] = field(default_factory=dict[Step, Mapping[str, Any]])
+    took: dict[EvaluationStep, Mapping[str, Any]] = field(
+        default_factory=dict[EvaluationStep, Mapping[str, Any]]
+    )
 
-    def run(self, steps: Sequence[Step], what: str) -> dict[Step, Found]:
+    def run(self, steps: Sequence[EvaluationStep], what: str) -> dict[EvaluationStep, Found]:
         """Return what every step found."""
         unique = list(dict.fromkeys(steps))
         found = {step: known for step in unique if (known := self.cache.get(step)) is not None}

@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 
 import peaking
-from peaking.experiments.plan import Step, key_of
+from peaking.experiments.plan import EvaluationStep, key_of
 from peaking.experiments.steps import Found
 from peaking.output import write_atomically
 
@@ -23,7 +23,7 @@ class StepCache:
         self._held = len(list(folder.glob("*Step-*.json")))
         self._used = 0
 
-    def get(self, step: Step) -> Found | None:
+    def get(self, step: EvaluationStep) -> Found | None:
         """Return what a step found, or None; a damaged file counts as none, and is said."""
         path = self._path(step)
         try:
@@ -50,7 +50,7 @@ class StepCache:
             )
             self._held = 0
 
-    def keep(self, step: Step, found: Found) -> None:
+    def keep(self, step: EvaluationStep, found: Found) -> None:
         """Keep what a step found.
 
         Raises:
@@ -58,5 +58,5 @@ class StepCache:
         """
         write_atomically(self._path(step), json.dumps(found).encode())
 
-    def _path(self, step: Step) -> Path:
+    def _path(self, step: EvaluationStep) -> Path:
         return self._folder / f"{type(step).__name__}-{key_of(step)}.json"

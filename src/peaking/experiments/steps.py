@@ -14,7 +14,7 @@ from peaking.datasets import open_recording
 from peaking.errors import RecordingError
 from peaking.experiments.costs import took
 from peaking.experiments.placing import at_pose, place
-from peaking.experiments.plan import ChooseStep, CountStep, PlaceStep, ScoreStep, Step
+from peaking.experiments.plan import ChooseStep, CountStep, EvaluationStep, PlaceStep, ScoreStep
 from peaking.experiments.reconstruct import shrunk, with_gaussians, with_mpis
 from peaking.experiments.scoring import Perceptual, score_views
 from peaking.experiments.splits import MIN_VIEWS, split
@@ -30,7 +30,7 @@ Found = dict[str, Any]
 Clock = Callable[[], float]
 """In seconds."""
 
-REST: Mapping[type[Step], str] = {
+REST: Mapping[type[EvaluationStep], str] = {
     PlaceStep: "placing",
     CountStep: "choosing",
     ChooseStep: "choosing",
@@ -40,7 +40,10 @@ REST: Mapping[type[Step], str] = {
 
 
 def perform(
-    step: Step, *, processor_s: Clock = time.process_time, wall_s: Clock = time.perf_counter
+    step: EvaluationStep,
+    *,
+    processor_s: Clock = time.process_time,
+    wall_s: Clock = time.perf_counter,
 ) -> Found:
     """Do a step.
 

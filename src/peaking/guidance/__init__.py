@@ -5,7 +5,7 @@
 """
 
 from peaking.guidance.guide import Guide, GuideProgress, Tolerance, progress
-from peaking.guidance.hemisphere import hemisphere
+from peaking.guidance.hemisphere_guide import hemisphere
 from peaking.guidance.planes import plane_stack
 from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
 from peaking.guidance.scan import DepthScan

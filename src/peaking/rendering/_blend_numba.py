@@ -8,7 +8,7 @@ import numpy as np
 
 
 def blend(rgba, depth_m, weights, seen):
-    """Blend; see `peaking.rendering.blend.blend`."""
+    """Blend; see `peaking.rendering.blending.blend`."""
     height, width = depth_m.shape[1:]
     out = np.empty((height, width, 4), np.float32)
     out_depth_m = np.empty((height, width), np.float32)

@@ -17,7 +17,7 @@ from peaking.errors import RecordingError
 from peaking.frame import working_size_px
 from peaking.geometry import Camera
 from peaking.guidance.guide import Guide, Tolerance
-from peaking.guidance.hemisphere import hemisphere
+from peaking.guidance.hemisphere_guide import hemisphere
 from peaking.guidance.planes import plane_stack
 from peaking.guidance.plenoptic import PlenopticBound, plenoptic_grid
 from peaking.guidance.scan import DepthScan, middle_depth_m

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from peaking.replay.charts import MAX_POINTS, percent, share_chart
-from peaking.replay.path_map import MapView, map_view, path_map
+from peaking.replay.path_map_svg import MapView, map_view, path_map
 from peaking.replay.records import FrameRecord, ReplaySettings, ReplaySummary, write_text
 from peaking.replay.stills import Still, encode_stills
 from peaking.reports.page import both_sizes, html_page, jpeg_image, legend, options_table, resource

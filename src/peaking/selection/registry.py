@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options
+from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options, PolicyName
 from peaking.selection.all_frames import choose_all
 from peaking.selection.backward_elimination import BackwardElimination
 from peaking.selection.farthest import choose_farthest
@@ -27,8 +27,8 @@ class NeedsWholePath(ValueError):
 class SelectionOptions:
     """Which policy chooses views, and by what."""
 
-    policy: str = "threshold"
-    """One of `POLICIES`."""
+    policy: PolicyName = "threshold"
+    """Which one."""
     num_views: int | None = None
     """How many views; `threshold` and `plenoptic` need the whole path to reach a number."""
     threshold_share: float = PAPER_PEAKED_SHARE
@@ -89,7 +89,7 @@ def _spacing(how: SelectionOptions, options: Options) -> Policy | None:
     return None if how.spacing_m is None or how.num_views is not None else Spacing(how.spacing_m)
 
 
-POLICIES: Mapping[str, PolicyKind] = {
+POLICIES: Mapping[PolicyName, PolicyKind] = {
     "peaking": PolicyKind(create=_backward_elimination, needs_depth=True),
     "threshold": PolicyKind(create=_threshold, choose=choose_by_threshold, needs_depth=True),
     "uniform": PolicyKind(choose=choose_uniform),

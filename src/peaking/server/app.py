@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class ServerConfig:
+class ServerOptions:
     """What a server serves, and to whom.
 
     Attributes:
@@ -87,7 +87,7 @@ class ServerConfig:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, store: SessionStore, config: ServerConfig, hub: Hub) -> None:
+    def __init__(self, store: SessionStore, config: ServerOptions, hub: Hub) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
         self.config = config
@@ -336,7 +336,7 @@ class _Handlers:
         return b"".join(parts)
 
 
-def create_app(*, store: SessionStore, config: ServerConfig, hub: Hub | None = None) -> Starlette:
+def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
     """Return the application; a test can hold ten of them.
 
     Args:

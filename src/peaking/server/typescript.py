@@ -47,7 +47,7 @@ _PLAIN = {
 }
 
 
-def typescript() -> str:
+def wire_typescript() -> str:
     """Return wire.ts: an interface per struct, a type per union, a schema of what is received."""
     return _file("wire.py", wire, RECEIVED, ["SessionEvent", "ServerEvent"])
 
@@ -245,4 +245,4 @@ def _in_array(item: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(study_typescript() if sys.argv[1:] == ["study"] else typescript())
+    sys.stdout.write(study_typescript() if sys.argv[1:] == ["study"] else wire_typescript())

@@ -63,7 +63,6 @@ CONSTANTS = (
     "SETTLING_S",
 )
 
-PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
 
@@ -148,7 +147,7 @@ class Capture(Struct, frozen=True):
 class SelectionQuery(Struct, frozen=True):
     """What is asked of GET /api/v1/sessions/{session}/selection, after the question mark."""
 
-    policy: PolicyName = "peaking"
+    policy: method.PolicyName = "peaking"
     views: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     """How many; every policy needs it but `all`, `threshold` and `plenoptic`."""
     threshold_share: Annotated[float, Meta(ge=0, lt=1)] = method.PAPER_PEAKED_SHARE
@@ -175,7 +174,7 @@ class Selection(Struct, frozen=True):
     Captures without an MPI, and those whose scale is a guess, are not among them.
     """
 
-    policy: PolicyName
+    policy: method.PolicyName
     captures: list[CaptureDecision]
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import TypeVar
 
-from peaking.study.catalogue import TASK_MEASURES, Measure, catalogue, column
+from peaking.study.measure_catalogue import TASK_MEASURES, Measure, catalogue, column
 from peaking.study.protocol import Protocol
 from peaking.study.questionnaires.scoring import scores
 from peaking.study.records import (

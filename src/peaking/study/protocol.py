@@ -15,8 +15,8 @@ import msgspec
 from msgspec import Meta
 
 from peaking.errors import StudyError
-from peaking.study.catalogue import catalogue
 from peaking.study.counterbalance import row_of, williams
+from peaking.study.measure_catalogue import catalogue
 from peaking.study.questionnaires import (
     Questionnaire,
     built_in,

@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class StudyConfig:
+class StudyServerOptions:
     """Who may do what, and where phones find it.
 
     Attributes:
@@ -75,7 +75,7 @@ class _Handlers:
     """The handlers, and what they need."""
 
     def __init__(
-        self, study: OpenStudy, sessions: SessionStore, config: StudyConfig, hub: Hub
+        self, study: OpenStudy, sessions: SessionStore, config: StudyServerOptions, hub: Hub
     ) -> None:
         self.study = study
         self.sessions = sessions
@@ -231,7 +231,7 @@ def create_study_app(
     study: OpenStudy,
     sessions: SessionStore,
     capture: Starlette,
-    config: StudyConfig,
+    config: StudyServerOptions,
     hub: Hub | None = None,
 ) -> Starlette:
     """Return the application of a study around the one of the capture server.
@@ -277,7 +277,7 @@ def _participant_routes(handlers: _Handlers) -> list[Route]:
     ]
 
 
-def _console_app(handlers: _Handlers, config: StudyConfig) -> Any:
+def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
     participant = "/participants/{participant}"
     app = Starlette(
         routes=[

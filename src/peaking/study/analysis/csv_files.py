@@ -6,9 +6,9 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 
-from peaking.study.analysis.analyse import Analysis, MeasureAnalysis
 from peaking.study.analysis.matrix import Matrix
-from peaking.study.catalogue import Measure
+from peaking.study.analysis.measure_analysis import Analysis, MeasureAnalysis
+from peaking.study.measure_catalogue import Measure
 from peaking.study.statistics.outcome import Effect, Outcome, Untestable
 from peaking.study.tables import Measurement
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int
 
-from peaking.study.catalogue import Measure
+from peaking.study.measure_catalogue import Measure
 from peaking.study.measures import catalogue_of
 from peaking.study.tables import Measurement, Study, measurements
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 from peaking.reports.page import html_page, resource
 from peaking.study.analysis import words
-from peaking.study.analysis.analyse import Analysis, Description, MeasureAnalysis
-from peaking.study.analysis.method import method, missing, sensitivity
+from peaking.study.analysis.measure_analysis import Analysis, Description, MeasureAnalysis
+from peaking.study.analysis.method_text import method, missing, sensitivity
 from peaking.study.protocol import Protocol
 from peaking.study.statistics.outcome import Outcome, Untestable
 

@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from peaking.errors import StudyError
 from peaking.output import complete_or_absent
 from peaking.study.analysis import words
-from peaking.study.analysis.analyse import Analysis, MeasureAnalysis, analyse
-from peaking.study.analysis.box_plots import box_plots
+from peaking.study.analysis.box_plot_figure import box_plots
 from peaking.study.analysis.csv_files import codebook_csv, long_csv, results_csv, wide_csv
 from peaking.study.analysis.figure_style import png_bytes, svg_bytes
-from peaking.study.analysis.forest import forest
-from peaking.study.analysis.likert import is_likert, likert
+from peaking.study.analysis.forest_plot import forest
+from peaking.study.analysis.likert_figure import is_likert, likert
 from peaking.study.analysis.matrix import build_matrices
-from peaking.study.analysis.method import method
-from peaking.study.analysis.over_time import curves_of, over_time
+from peaking.study.analysis.measure_analysis import Analysis, MeasureAnalysis, analyse
+from peaking.study.analysis.method_text import method
+from peaking.study.analysis.over_time_figure import curves_of, over_time
 from peaking.study.analysis.report import report_page
 from peaking.study.measures import catalogue_of
 from peaking.study.tables import measurements, read_study

@@ -5,8 +5,8 @@ Two decimals; p with three and `p < .001`; no zero before the point where 1 cann
 
 from __future__ import annotations
 
-from peaking.study.analysis.analyse import Description, MeasureAnalysis
-from peaking.study.catalogue import Measure
+from peaking.study.analysis.measure_analysis import Description, MeasureAnalysis
+from peaking.study.measure_catalogue import Measure
 from peaking.study.protocol import Protocol
 from peaking.study.statistics.outcome import FISHER, SCORE, Effect, Outcome, Result, Untestable
 

@@ -18,16 +18,16 @@ import numpy as np
 from jaxtyping import Float64
 from scipy import stats
 
-from peaking.study.analysis.analyse import Analysis, MeasureAnalysis, analyse
 from peaking.study.analysis.matrix import Matrix
-from peaking.study.catalogue import Measure
+from peaking.study.analysis.measure_analysis import Analysis, MeasureAnalysis, analyse
+from peaking.study.measure_catalogue import Measure
 from peaking.study.measures import catalogue_of
 from peaking.study.protocol import Protocol, trials_of
-from peaking.study.simulation.draw import Drawn, draw
+from peaking.study.simulation.drawing import Drawn, draw
 from peaking.study.simulation.truth import Truth
 from peaking.study.statistics.outcome import SCORE, Result
 from peaking.study.statistics.samples import differences
-from peaking.study.statistics.signed_ranks import rank_biserial, signed_ranks
+from peaking.study.statistics.signed_rank_test import rank_biserial, signed_ranks
 
 LARGE = 100_000
 """Participants from whose numbers the population's effects are taken."""

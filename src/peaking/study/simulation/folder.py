@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from peaking.study.catalogue import column
+from peaking.study.measure_catalogue import column
 from peaking.study.procedure import Step, steps_of
 from peaking.study.protocol import FILE_NAME, Protocol, Trial, parse_protocol, trials_of
 from peaking.study.questionnaires import Answer, Item, Questionnaire
@@ -27,7 +27,7 @@ from peaking.study.records import (
     participant_folder,
 )
 from peaking.study.simulation.capture import capture_events
-from peaking.study.simulation.draw import draw
+from peaking.study.simulation.drawing import draw
 from peaking.study.simulation.truth import Truth
 
 FIRST_DAY_S = 1_760_000_000.0

@@ -32,7 +32,7 @@ from jaxtyping import Float64
 
 from peaking.study.statistics.assumptions import levene, mauchly, shapiro_wilk
 from peaking.study.statistics.groups import mann_whitney, welch_t
-from peaking.study.statistics.holm import holm
+from peaking.study.statistics.holm_correction import holm
 from peaking.study.statistics.outcome import MIN_SAMPLE, Outcome, Result, Untestable
 from peaking.study.statistics.paired import paired_t, wilcoxon
 from peaking.study.statistics.samples import differences

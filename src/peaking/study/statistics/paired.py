@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float64
 from statsmodels.stats.weightstats import DescrStatsW
 
-from peaking.study.statistics import signed_ranks
+from peaking.study.statistics import signed_rank_test
 from peaking.study.statistics.intervals import TAIL, noncentral_t_limits, rank_biserials
 from peaking.study.statistics.outcome import (
     CONFIDENCE,
@@ -59,9 +59,9 @@ def wilcoxon(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
     away = differences(first, second)
     if (reason := _untestable(away)) is not None:
         return Untestable(name, reason)
-    ranks = signed_ranks.signed_ranks(away)
+    ranks = signed_rank_test.signed_ranks(away)
     m = len(ranks)
-    p, how = signed_ranks.two_sided_p(ranks)
+    p, how = signed_rank_test.two_sided_p(ranks)
     remarks = [f"p-value: {how}"]
     if m < len(away):
         remarks.append(f"{len(away) - m} of {len(away)} differences are 0 and were dropped")
@@ -69,12 +69,12 @@ def wilcoxon(first: Float64[np.ndarray, "n"], second: Float64[np.ndarray, "n"]) 
         remarks.append("tied differences have their mean rank")
     if 2.0 ** (1 - m) > 1 - 0.95:
         remarks.append(f"with {m} nonzero differences, p cannot be below {2.0 ** (1 - m):g}")
-    r = signed_ranks.rank_biserial(ranks)
+    r = signed_rank_test.rank_biserial(ranks)
     both = rank_biserials(
         "matched-pairs rank-biserial correlation",
         r,
-        error=signed_ranks.null_error(m),
-        score=signed_ranks.score_limits(r, m),
+        error=signed_rank_test.null_error(m),
+        score=signed_rank_test.score_limits(r, m),
     )
     v = float(ranks[ranks > 0].sum())
     effects = (*both, _hodges_lehmann(away))
@@ -118,7 +118,7 @@ def _hodges_lehmann(away: Float64[np.ndarray, "n"]) -> Effect:
     if n < MIN_WALSH:
         reason = f"no 95 % interval exists for fewer than {MIN_WALSH} pairs"
         return Effect(name, "HL", middle, None, None, reason)
-    outside = signed_ranks.lower_quantile(n, TAIL)
+    outside = signed_rank_test.lower_quantile(n, TAIL)
     low, high = float(walsh[outside - 1]), float(walsh[len(walsh) - outside])
     return Effect(name, "HL", middle, low, high, "order statistics of Walsh averages")
 

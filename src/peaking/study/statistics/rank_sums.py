@@ -18,7 +18,7 @@ from scipy import special, stats
 
 from peaking.study.statistics.intervals import root_between
 from peaking.study.statistics.outcome import NORMAL_QUANTILE
-from peaking.study.statistics.signed_ranks import FARTHEST
+from peaking.study.statistics.signed_rank_test import FARTHEST
 
 MIN_APPROXIMATE = 50
 """Numbers in one sample from which on the p-value is R's normal approximation."""

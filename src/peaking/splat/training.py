@@ -24,10 +24,10 @@ from peaking.splat.columns import (
     SHN,
 )
 from peaking.splat.gaussians import Gaussians, Parameters
-from peaking.splat.initial_points import initial_points
+from peaking.splat.initialisation import initial_points
 from peaking.splat.optimiser import AdamState, Optimiser
 from peaking.splat.options import SplatOptions
-from peaking.splat.refine import refine
+from peaking.splat.refinement import refine
 from peaking.splat.rendering import C0
 
 __all__ = ["Backend", "SplatOptions", "Trainer", "TrainingStep", "train"]

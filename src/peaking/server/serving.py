@@ -11,7 +11,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from peaking.errors import OutputError
-from peaking.server.app import ServerConfig, create_app
+from peaking.server.app import ServerOptions, create_app
 from peaking.server.events import Hub
 from peaking.server.sessions import SessionStore
 
@@ -49,7 +49,7 @@ def serve(
     listener: socket.socket,
     *,
     sessions: Path,
-    config: ServerConfig,
+    config: ServerOptions,
     context: ssl.SSLContext | None = None,
     started: Callable[[], None],
     told: Callable[[str], None],

@@ -15,10 +15,10 @@ from jaxtyping import Float64
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from peaking.study.analysis.analyse import MeasureAnalysis
 from peaking.study.analysis.figure_style import INK, LINE, MUTED, colour_of, styled, wrapped
+from peaking.study.analysis.measure_analysis import MeasureAnalysis
 from peaking.study.analysis.words import short_name, stars
-from peaking.study.catalogue import Measure
+from peaking.study.measure_catalogue import Measure
 
 COLUMNS = 4
 PANEL_IN = (2.25, 2.6)

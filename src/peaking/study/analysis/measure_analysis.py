@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from peaking.study.analysis.matrix import Matrix
-from peaking.study.catalogue import Measure
+from peaking.study.measure_catalogue import Measure
 from peaking.study.protocol import Protocol
 from peaking.study.statistics.decision import Decision, decide_groups, decide_paired
-from peaking.study.statistics.holm import holm
-from peaking.study.statistics.order_effects import OrderEffects, order_effects
+from peaking.study.statistics.holm_correction import holm
+from peaking.study.statistics.order_effect_tests import OrderEffects, order_effects
 from peaking.study.statistics.outcome import MIN_SAMPLE, Result, Untestable
 from peaking.study.statistics.power import (
     WANTED,

@@ -11,7 +11,7 @@ import io
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
-from peaking.guidance.plan_chart import COLOURS, EYES_M, NAMES, apart, plan_curves, ticks
+from peaking.guidance.plan_svg import COLOURS, EYES_M, NAMES, apart, plan_curves, ticks
 from peaking.guidance.plenoptic import PlenopticBound
 from peaking.guidance.viewing import Factor, Viewing
 

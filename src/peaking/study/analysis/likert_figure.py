@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from peaking.study.analysis.analyse import MeasureAnalysis
 from peaking.study.analysis.figure_style import INK, LINE, MUTED, styled, wrapped
+from peaking.study.analysis.measure_analysis import MeasureAnalysis
 from peaking.study.analysis.words import short_name, stars
 
 ROW_IN = 0.24

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from peaking.study.analysis.analyse import Analysis, Sensitivity
+from peaking.study.analysis.measure_analysis import Analysis, Sensitivity
 from peaking.study.analysis.words import MUCH, bounded, decimal
 from peaking.study.protocol import Protocol
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from peaking.study.analysis.analyse import MeasureAnalysis
 from peaking.study.analysis.figure_style import COLOURS, INK, LINE, MUTED, styled, wrapped
+from peaking.study.analysis.measure_analysis import MeasureAnalysis
 from peaking.study.analysis.words import bounded, decimal, differing_interval, short_name
 from peaking.study.statistics.outcome import Effect
 
