@@ -61,7 +61,7 @@ def test_defaults_of_functions_are_those_of_the_default_preset() -> None:
     assert parameters["shift_px"].default == DEFAULT.shift_px
     assert parameters["compensate_exposure"].default == DEFAULT.compensate_exposure
     for module, name, option in (
-        ("rendering.blend", "blend", "opacity"),
+        ("rendering.blending", "blend", "opacity"),
         ("light_field", "render_views", "opacity"),
         ("scale_alignment", "align_scale", "align"),
         ("view_weights", "nearest_by_overlap", "neighbours"),
