@@ -18,10 +18,8 @@ from peaking.experiments.curves import (
     signed,
     verdict,
 )
-from peaking.experiments.results import Case, CaseResult, Difference, ViewScore
+from peaking.experiments.results import MEASURES, Case, CaseResult, Difference, ViewScore
 from peaking.experiments.tables import (
-    LABELS,
-    LESS_IS_BETTER,
     READING,
     Evaluation,
     Table,
@@ -183,9 +181,9 @@ def _verdict(part: _Part, *, head: bool = True) -> str:
 
 def _all_differences(part: _Part) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(d.b)}</td><td>{d.n_views}</td><td>{LABELS[d.metric]}</td>"
+        f"<tr><td>{html.escape(d.b)}</td><td>{d.n_views}</td><td>{MEASURES[d.metric].title}</td>"
         f"<td>{signed(d.difference, 3)}</td><td>{signed(d.low, 3)} … {signed(d.high, 3)}</td>"
-        f"<td>{verdict(d, less_is_better=d.metric in LESS_IS_BETTER)}</td></tr>"
+        f"<td>{verdict(d, less_is_better=MEASURES[d.metric].less_is_better)}</td></tr>"
         for d in part.differences
     )
     heads = "".join(

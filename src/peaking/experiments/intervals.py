@@ -21,10 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from peaking.experiments.results import LOWEST_PERCENT, Case, CaseResult, Difference
-
-METRICS = ("psnr", "psnr_p5", "ssim", "flip", "lpips", "st_lpips")
-"""What is compared; `psnr_p5` is the 5th percentile of PSNR, the others are means."""
+from peaking.experiments.results import LOWEST_PERCENT, MEASURES, Case, CaseResult, Difference
 
 CONFIDENCE = 0.95
 
@@ -70,7 +67,7 @@ def compare(
         found = {strategy: _statistics(some, counts) for strategy, some in by_strategy.items()}
         ours = found.pop(reference)
         for other, theirs in sorted(found.items()):
-            for metric in METRICS:
+            for metric in MEASURES:
                 if metric in ours and metric in theirs:
                     ends = _difference_and_interval(ours[metric] - theirs[metric])
                     differences.append(Difference(*group, reference, other, metric, *ends))
@@ -140,7 +137,7 @@ def _statistics(
     with_sample = np.vstack([np.ones_like(counts[:1]), counts])
     shares = with_sample / counts.shape[1]
     found: dict[str, Float64[np.ndarray, "samples"]] = {}
-    for metric in METRICS:
+    for metric in MEASURES:
         values = _values(results, metric)
         if values is None:
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,28 @@ from jaxtyping import Float64
 
 LOWEST_PERCENT = 5.0
 """The percentile of PSNR that stands for the worst views."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How a number of `ViewScore` is averaged, compared and shown."""
+
+    title: str
+    less_is_better: bool = False
+
+
+MEASURES: Mapping[str, Measure] = {
+    "psnr": Measure("PSNR"),
+    "psnr_p5": Measure("PSNR, 5th percentile"),
+    "ssim": Measure("SSIM"),
+    "flip": Measure("FLIP", less_is_better=True),
+    "lpips": Measure("LPIPS", less_is_better=True),
+    "st_lpips": Measure("ST-LPIPS", less_is_better=True),
+}
+"""By the name of the field; a metric of one's own is a field of `ViewScore` and a line here.
+
+`psnr_p5` is the percentile of the field `psnr`, the others are means.
+"""
 
 
 @dataclass(frozen=True, order=True)
@@ -81,8 +103,6 @@ class CaseResult:
 
     def row(self) -> dict[str, str | int | float | None]:
         """Return the row of `results.json`: None where a number is not known, or not finite."""
-        psnr = [score.psnr for score in self.scores]
-        ssim = [score.ssim for score in self.scores]
         c = self.case
         return {
             "scene": c.scene,
@@ -92,21 +112,22 @@ class CaseResult:
             "seed": c.seed,
             "n_views": c.n_views,
             "n_lost": self.lost,
-            "psnr_mean": _mean(psnr),
-            "psnr_std": _std(psnr),
-            "psnr_p5": _lowest(psnr),
-            "ssim_mean": _mean(ssim),
-            "ssim_std": _std(ssim),
-            "lpips_mean": _mean([score.lpips for score in self.scores]),
-            "lpips_std": _std([score.lpips for score in self.scores]),
-            "st_lpips_mean": _mean([score.st_lpips for score in self.scores]),
-            "st_lpips_std": _std([score.st_lpips for score in self.scores]),
-            "flip_mean": float(np.mean([score.flip for score in self.scores])),
-            "flip_std": float(np.std([score.flip for score in self.scores])),
+            **self._measured(),
             "psnr_seen_mean": _mean([score.psnr_seen for score in self.scores], some=True),
             "coverage": float(np.mean([score.coverage for score in self.scores])),
             "seconds": self.seconds,
         }
+
+    def _measured(self) -> dict[str, float | None]:
+        """Return mean and deviation of every measure, and the percentile of PSNR."""
+        found: dict[str, float | None] = {}
+        for name in MEASURES:
+            if name == "psnr_p5":
+                found[name] = _lowest([score.psnr for score in self.scores])
+            else:
+                values: list[float | None] = [getattr(score, name) for score in self.scores]
+                found |= {f"{name}_mean": _mean(values), f"{name}_std": _std(values)}
+        return found
 
 
 @dataclass(frozen=True)
@@ -120,7 +141,7 @@ class Difference:
         n_views: How many views both chose.
         a: One strategy.
         b: The other; its seeds are averaged view by view.
-        metric: `psnr`, `psnr_p5`, `ssim`, `flip`, `lpips` or `st_lpips`.
+        metric: A key of `MEASURES`.
         difference: a - b.
         low: Lower end of the interval.
         high: Upper end.

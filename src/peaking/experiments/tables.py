@@ -16,24 +16,13 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 
 from peaking.experiments.costs import Costs
-from peaking.experiments.results import CaseResult, Difference, ViewScore
+from peaking.experiments.results import MEASURES, CaseResult, Difference, ViewScore
 from peaking.output import plain
 
 READING = (
     "Ratios to Ours of the mean over the test views and, in brackets, of the standard deviation "
     "(our reading of the paper's Table 1), averaged over scenes and numbers of views."
 )
-
-LABELS = {
-    "psnr": "PSNR",
-    "psnr_p5": "PSNR, 5th percentile",
-    "ssim": "SSIM",
-    "lpips": "LPIPS",
-    "st_lpips": "ST-LPIPS",
-    "flip": "FLIP",
-}
-
-LESS_IS_BETTER = frozenset({"lpips", "st_lpips", "flip"})
 
 ORDER = ("random", "uniform", "farthest", "plenoptic", "threshold", "peaking", "all")
 """Strategies in tables and charts: the paper's first, as there; the reference comes last."""
@@ -77,7 +66,7 @@ class Table:
     Attributes:
         reconstruct: `mpi` or `3dgs`.
         test_views: `holdout` or `paper`.
-        columns: Metrics, keys of `LABELS`.
+        columns: Metrics, keys of `MEASURES`.
         absolute: Strategy → metric → mean and standard deviation, in the order of rows.
         ratios: Strategy → metric → ratios to the reference. Strategies that share no number of
             views with the reference (`all`) are not in it.
@@ -197,7 +186,9 @@ def results_json(evaluation: Evaluation) -> str:
 
 def column_heads(table: Table) -> list[str]:
     """Return the names of the columns with an arrow to the better side."""
-    return [f"{LABELS[c]} {'↓' if c in LESS_IS_BETTER else '↑'}" for c in table.columns]
+    return [
+        f"{MEASURES[c].title} {'↓' if MEASURES[c].less_is_better else '↑'}" for c in table.columns
+    ]
 
 
 def row_name(evaluation: Evaluation, strategy: str) -> str:
@@ -235,7 +226,9 @@ def _table(evaluation: Evaluation, reconstruct: str, test_views: str) -> Table:
     known = {c for cells in sets.values() for c, cell in cells.items() if cell.mean is not None}
     # ST-LPIPS stands in where the official weights of LPIPS are not there, under its own name.
     perceptual = "lpips" if "lpips" in known or "st_lpips" not in known else "st_lpips"
-    columns = ("psnr", "psnr_p5", "ssim", *([perceptual] if perceptual in known else []), "flip")
+    first = ("psnr", "psnr_p5", "ssim", *([perceptual] if perceptual in known else []))
+    others = (name for name in MEASURES if name not in (*first, "lpips", "st_lpips"))
+    columns = (*first, *others)
     absolute: dict[str, dict[str, Cell]] = {}
     ratios: dict[str, dict[str, Cell]] = {}
     counts: dict[str, int] = {}
@@ -264,7 +257,7 @@ def _data_sets(
             key = (case.strategy, case.scene, case.n_views)
             rows.setdefault(key, []).append(_cells(result))
     return {
-        key: {metric: _average([cells[metric] for cells in seeds]) for metric in LABELS}
+        key: {metric: _average([cells[metric] for cells in seeds]) for metric in MEASURES}
         for key, seeds in rows.items()
     }
 
@@ -275,7 +268,7 @@ def _cells(result: CaseResult) -> dict[str, Cell]:
         metric: Cell(_number(row["psnr_p5"]))
         if metric == "psnr_p5"
         else Cell(_number(row[f"{metric}_mean"]), _number(row[f"{metric}_std"]))
-        for metric in LABELS
+        for metric in MEASURES
     }
 
 
