@@ -111,8 +111,11 @@ def _numbers(summary: ReplaySummary) -> str:
 def _what_decided(settings: ReplaySettings) -> tuple[str, str, str]:
     guide = settings.guide
     if guide is None and settings.policy != "threshold":
-        count = "all" if settings.num_views is None else str(settings.num_views)
-        return "Policy", html.escape(settings.policy), f"views asked for: {count}"
+        spacing_m = settings.options.get("spacing_m")
+        asked = "all frames" if settings.num_views is None else f"{settings.num_views} views"
+        if isinstance(spacing_m, float) and settings.num_views is None:
+            asked = f"a view every {100 * spacing_m:.1f} cm"
+        return "Policy", html.escape(settings.policy), f"asked for: {asked}"
     if guide is None:
         return "Threshold", percent(settings.threshold_share), "more than this: captured"
     reached = f"{guide['reached']} / {guide['targets']}"
@@ -133,13 +136,15 @@ def _video(folder: Path) -> str:
 
 def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> str:
     threshold_share = summary.settings.threshold_share
+    decides = summary.settings.policy == "threshold" and summary.settings.guide is None
+    whose = "the" if decides else "the paper's"
     wide = share_chart(records, (1080, 300), threshold_share=threshold_share)
     narrow = share_chart(records, (350, 240), threshold_share=threshold_share)
     entries = [
         ('<path class="curve" d="M0 10L9 4L17 9L26 3"/>', "peaked share"),
         (
             '<line class="threshold" x1="0" x2="26" y1="7" y2="7"/>',
-            f"threshold {percent(threshold_share)}",
+            f"{whose} threshold {percent(threshold_share)}",
         ),
         ('<g class="shutter"><path d="M8 2h10l-5 9z"/></g>', "captured"),
     ]
