@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 
 STARTING = "starting (the first run compiles for about 30 s)"
@@ -67,7 +67,7 @@ class Replay:
     """Write no overlay.mp4, which needs the program ffmpeg."""
     json: Path | None = None
     """Also write summary.json to this file."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Replay, and print where the report is."""

@@ -75,7 +75,7 @@ class FrameRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplaySettings:
+class ReplayHeader:
     """What was asked for; every result file begins with it.
 
     Attributes:
@@ -116,7 +116,7 @@ class ReplaySummary:
         stage_ms: Median milliseconds of each stage, over the frames that went through it.
     """
 
-    settings: ReplaySettings
+    settings: ReplayHeader
     frames: int
     captured_indices: tuple[int, ...]
     mean_peaked_share: float | None
@@ -135,7 +135,7 @@ def with_dropped_at(record: FrameRecord, dropped_at: Mapping[int, int]) -> Frame
     return replace(record, captured=False, dropped_at=dropped_at[record.index])
 
 
-def summarize(settings: ReplaySettings, records: Sequence[FrameRecord]) -> ReplaySummary:
+def summarize(settings: ReplayHeader, records: Sequence[FrameRecord]) -> ReplaySummary:
     """Put the frames together."""
     shares = [r.peaked_share for r in records if r.peaked_share is not None]
     medians = {

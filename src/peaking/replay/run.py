@@ -29,7 +29,7 @@ from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
-    ReplaySettings,
+    ReplayHeader,
     ReplaySummary,
     summarize,
     with_dropped_at,
@@ -248,7 +248,7 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
                 stills.offer(walked.record, panels)
                 records.append(walked.record)
         records = [with_dropped_at(record, walk.dropped_at) for record in records]
-        settings = ReplaySettings(
+        settings = ReplayHeader(
             version=peaking.__version__,
             preset=options.preset,
             options={

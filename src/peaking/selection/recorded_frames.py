@@ -133,12 +133,12 @@ class RecordedFrames:
             [self.cameras[i] for i in views],
             camera,
             self.options,
-            mpi_of=lambda k: self.mpi(views[k]),
+            get_mpi=lambda k: self.mpi(views[k]),
         )
         return tuple(replace(neighbour, index=views[neighbour.index]) for neighbour in found)
 
     def render(self, neighbours: Sequence[Neighbour], camera: Camera) -> Rendering:
-        """Render what views show together, as the photographer sees it."""
+        """Render what views show together."""
         mpis = [self.mpi(neighbour.index) for neighbour in neighbours]
         weights = [neighbour.weight for neighbour in neighbours]
         with self.stopwatch.stage("rendering"):
