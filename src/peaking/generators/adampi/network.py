@@ -59,7 +59,7 @@ class Layers(NamedTuple):
 class AdaMpiNetwork(nn.Module):
     """The network, with the names of the official checkpoints.
 
-    Its `forward` is what the method is; `chunked.py` and `cpu.py` do the same with less memory and faster.
+    Its `forward` is what the method is; `chunked.py` does the same with less memory, `cpu.py` faster.
     """
 
     def __init__(self) -> None:
