@@ -1,7 +1,8 @@
-"""Choose the views of a recording that show the rest of it, in two ways.
+"""Choose the views of a recording that show the rest of it, by two policies.
 
-The paper's photographer takes a frame when more than a share of it is red. The default policy
-looks at all frames and keeps as many views, those that would be missed most.
+The paper's rule takes a frame when more than a share of it is red. The default policy, `peaking`,
+goes through the same frames and drops, of the views it holds, the one that is missed least; it
+chooses as many views as the rule took.
 
 Usage: python examples/choose_views.py scenes/desk 0.0428
 """
@@ -11,19 +12,8 @@ import sys
 import peaking
 
 recording = peaking.open_recording(sys.argv[1])
-threshold_share = float(sys.argv[2])
-reconstruction = peaking.Reconstruction()
-taken: list[int] = []
-
-for index in range(len(recording)):
-    live = reconstruction.prepare(recording.read(index))
-    if taken:
-        errors = reconstruction.compare(live.rgb, live.camera).errors
-        if errors.peaked_share <= threshold_share:
-            continue
-    reconstruction.add_view(recording.read(index))
-    taken.append(index)
-
+rule = peaking.SelectionOptions("threshold", threshold_share=float(sys.argv[2]))
+taken = peaking.select(recording, how=rule)
 kept = peaking.select(recording, len(taken))
-print(f"when it is red: {' '.join(map(str, taken))}")
-print(f"as many, kept:  {' '.join(map(str, kept))}")
+print(f"threshold: {' '.join(map(str, taken))}")
+print(f"peaking:   {' '.join(map(str, kept))}")

@@ -5,11 +5,22 @@ PeakingError
 ├── RecordingError      a recording (folder) or one of its files cannot be used
 ├── StudyError          a study's protocol, questionnaire or log cannot be used
 ├── MpiFileError        bytes that are not a sound .mpi file
+├── SplatFileError      bytes that are not a sound .ply file of Gaussians
 ├── NothingToAlign      no pixel has both a metric depth and a rendered disparity
+├── CamerasNotFound     COLMAP could not estimate where the pictures were taken
 ├── CheckpointError     a checkpoint is missing, damaged or of another network
 ├── OutputError         the place to write to is taken, full or not writable
 ├── ToolMissing         a program or extra that was asked for is not installed
-└── BackendUnavailable  a compute backend that was asked for is not installed
+├── BackendUnavailable  a compute backend that was asked for is not installed
+│   (of the server, each defined beside the code that raises it, in `server`)
+├── DiskFull            there is no room on the server's disk
+├── UnknownSession      there is no session of this id
+├── UnknownCapture      there is no capture of this id in the session
+├── UnknownParticipant  the study has no participant of this pseudonym
+├── NotNow              a request does not fit the participant's step
+├── Incomplete          a form of the study is not complete
+│   (of the command line, in `commands/arguments.py`)
+└── ArgumentError       an argument is wrong
 
 Wrong arguments are `ValueError` and `TypeError`, as everywhere in Python. The command line turns a
 `PeakingError` into one line and exit code 2.
@@ -33,7 +44,6 @@ class FileError(PeakingError):
         """Make the message `path: field: problem; remedy`."""
         self.path = path
         self.field = field
-        self.remedy = remedy
         self.problem = problem
         self.remedy = remedy
         where = f"{path}: {field}" if field else f"{path}"
@@ -57,8 +67,16 @@ class MpiFileError(PeakingError):
     """Bytes that are not a sound `.mpi` file."""
 
 
+class SplatFileError(PeakingError):
+    """Bytes that are not a sound .ply file of Gaussians."""
+
+
 class NothingToAlign(PeakingError):
     """No pixel has both a metric depth and a rendered disparity."""
+
+
+class CamerasNotFound(PeakingError):
+    """COLMAP could not estimate where the pictures were taken."""
 
 
 class CheckpointError(PeakingError):

@@ -12,7 +12,7 @@ import pytest
 from evaluate_factories import SIZE_PX
 
 from peaking.datasets import open_recording
-from peaking.errors import BackendUnavailable, RecordingError
+from peaking.errors import BackendUnavailable, CamerasNotFound, RecordingError
 from peaking.experiments import placing
 from peaking.experiments.executors import InProcess
 from peaking.experiments.placing import Placement, at_pose, pose_of
@@ -25,7 +25,7 @@ from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
 from peaking.options import DEFAULT
 from peaking.point_cloud import PointCloud
-from peaking.poses.colmap import CamerasNotFound, Estimate
+from peaking.poses.colmap import Estimate
 from recordings import lateral_cameras
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"

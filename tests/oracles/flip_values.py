@@ -1,7 +1,7 @@
 """Print what flip-evaluator says about the pairs of tests/metric_pairs.py.
 
 Needs `pip install flip-evaluator==1.7`; run as `PYTHONPATH=tests python THIS`. The values
-stand in tests/evaluate/test_flip.py.
+stand in tests/metrics/test_flip.py.
 """
 
 from __future__ import annotations

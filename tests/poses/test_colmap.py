@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from peaking.datasets import open_recording
+from peaking.errors import CamerasNotFound
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.poses.colmap import (
-    CamerasNotFound,
     estimate_cameras,
     pairs_to_match,
     similarity_to,

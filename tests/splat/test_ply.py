@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from peaking.errors import SplatFileError
 from peaking.splat.columns import NUM_COLUMNS, QUATS
-from peaking.splat.errors import SplatFileError
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import encode_ply, read_ply, write_ply
 from splat.scenes_of_gaussians import cloud

@@ -1,1 +1,1 @@
-"""How fast the stages are, against named peers in the same run."""
+"""Speed of the stages; quality of views from one view and of depth completion."""

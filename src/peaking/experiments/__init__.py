@@ -1,1 +1,1 @@
-"""How good views are: metrics, peers, benchmarks."""
+"""View-selection experiments: steps, runner, intervals, reports."""

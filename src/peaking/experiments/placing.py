@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from peaking.datasets import Recording
+from peaking.errors import CamerasNotFound
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
-from peaking.poses.colmap import CamerasNotFound, estimate_cameras, shrunk_for_features
+from peaking.poses.colmap import estimate_cameras, shrunk_for_features
 
 Pose = tuple[float, ...]
 """`world_from_cam` in metres: the first three rows of its matrix, one after the other."""

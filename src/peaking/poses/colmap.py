@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from peaking.errors import BackendUnavailable, PeakingError
+from peaking.errors import BackendUnavailable, CamerasNotFound
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.output import encode_png
@@ -29,10 +29,6 @@ FEATURE_PIXELS = 540 * 960
 NUM_FEATURES = 4096
 NUM_PARTNERS = 20
 """Every picture is matched with this many others: those before and after it, and the nearest."""
-
-
-class CamerasNotFound(PeakingError):
-    """COLMAP could not estimate where the pictures were taken."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
 # pyright: basic
-"""Blending on the CPU in one pass; the same result as `blend.py`'s NumPy."""
+"""Blending on the CPU in one pass; the same result as `blending.py`'s NumPy."""
 
 from __future__ import annotations
 

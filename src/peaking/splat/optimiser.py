@@ -1,7 +1,7 @@
 """What trains Gaussians: an optimiser renders, compares with a photograph, and moves them.
 
-There is one for each backend; the schedule (`train.py`) and refinement (`refine.py`) are the same
-for all.
+There is one for each backend; the schedule (`training.py`) and refinement (`refinement.py`) are the
+same for all.
 """
 
 from __future__ import annotations

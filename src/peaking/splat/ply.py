@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from peaking.errors import SplatFileError
 from peaking.output import write_atomically
-from peaking.splat.errors import SplatFileError
 from peaking.splat.gaussians import Gaussians
 
 NUM_REST = 15

@@ -33,6 +33,7 @@ from peaking.splat.rendering import C0
 __all__ = ["Backend", "SplatOptions", "Trainer", "TrainingStep", "train"]
 
 Backend = Literal["numba", "gsplat"]
+DEFAULT = SplatOptions()
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class TrainingStep:
 
 def train(
     frames: Sequence[Frame],
-    options: SplatOptions,
+    options: SplatOptions = DEFAULT,
     *,
     points: PointCloud | None = None,
     backend: Backend = "numba",

@@ -1,4 +1,4 @@
-"""From the events of a trial to its numbers, named as in `catalogue.py`.
+"""From the events of a trial to its numbers, named as in `measure_catalogue.py`.
 
 TCT, the task completion time, runs from the first picture in which the shutter worked to Finish, by
 the phone's clock, without the time in which the page was gone. NCT is TCT without communication

@@ -59,7 +59,7 @@ class Layers(NamedTuple):
 class AdaMpiNetwork(nn.Module):
     """The network, with the names of the official checkpoints.
 
-    Its `forward` is what the method is; `forward.py` does the same with less memory and faster.
+    Its `forward` is the method; `chunked.py` gets the same with less memory, `cpu.py` in less time.
     """
 
     def __init__(self) -> None:
