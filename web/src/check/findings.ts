@@ -5,7 +5,7 @@ export interface Facts {
   readonly secure: boolean;
   readonly webXr: boolean;
   readonly immersiveAr: boolean;
-  /** `XRWebGLBinding.getCameraImage` exists. */
+  /** `XRWebGLBinding.getCameraImage` exists, and `Symbol.dispose`, which releases its frames. */
   readonly cameraAccess: boolean;
   readonly depthSensing: boolean;
   readonly webGl2: boolean;
