@@ -66,7 +66,7 @@ def fixtures() -> dict[str, bytes]:
         "desk.jpeg.mpi": encode(mpi, codec="jpeg"),
         "desk.lossless.mpi": lossless,
         "mpi_file.json": as_json(content_of(mpi)),
-        "nearest.json": as_json(nearest_cases()),
+        "view_weights.json": as_json(view_weight_cases()),
         "exposure.json": as_json(exposure_cases()),
         "guidance.json": as_json(guidance_cases()),
     }
@@ -89,23 +89,23 @@ def content_of(mpi: Mpi) -> dict[str, Any]:
     }
 
 
-def nearest_cases() -> list[dict[str, Any]]:
+def view_weight_cases() -> list[dict[str, Any]]:
     """Return views, target and the neighbours by both ways, for random and for awkward cameras."""
     random = np.random.default_rng(7)
     cases = [
-        nearest_case([camera(random) for _ in range(n)], camera(random), 1.3, count)
+        view_weight_case([camera(random) for _ in range(n)], camera(random), 1.3, count)
         for n, count in ((1, 3), (2, 3), (5, 1), (12, 3), (12, 4), (90, 4))
     ]
     here = camera(random)
     cases += [
-        nearest_case([here], here, 2.0, 3),
-        nearest_case([here, here, here], here, 2.0, 2),
-        nearest_case([camera(random), here, camera(random)], here, 0.7, 3),
+        view_weight_case([here], here, 2.0, 3),
+        view_weight_case([here, here, here], here, 2.0, 2),
+        view_weight_case([camera(random), here, camera(random)], here, 0.7, 3),
     ]
     return cases
 
 
-def nearest_case(
+def view_weight_case(
     views: list[Camera], target: Camera, scene_depth_m: float, count: int
 ) -> dict[str, Any]:
     """Return one case with its answers."""

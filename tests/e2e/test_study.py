@@ -8,14 +8,14 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page
+from playwright.sync_api import Browser, BrowserContext, Page, Route
 
 from e2e.virtual_phone_page import ARTEFACTS, PATIENCE_MS, moved
 from live_server import LiveServer
 from peaking.cli import main
 from peaking.study.measures import measures_of
 from peaking.study.protocol import FILE_NAME
-from peaking.study.records import GuideTold
+from peaking.study.records import GuideTold, read_participants
 from peaking.study.tables import Study, read_study
 
 PROTOCOL = """
@@ -326,4 +326,33 @@ def test_a_guided_trial_scans_first(phone: BrowserContext, server: LiveServer) -
     assert told["z_min_m"] > 0
     assert told["area_side_m"] == 0.3
     assert told["views_needed"] >= 1
+    assert problems == []
+
+
+def test_an_order_whose_answer_is_lost_counts_once(
+    phone: BrowserContext, server: LiveServer
+) -> None:
+    problems: list[str] = []
+    console = open_page(phone, f"{server.address}/study", problems)
+    lost: list[str] = []
+
+    def lose_the_first_answer(route: Route) -> None:
+        if route.request.method != "PUT" or route.request.url in lost:
+            route.continue_()
+            return
+        lost.append(route.request.url)
+        assert route.fetch().ok
+        route.abort()
+
+    console.route("**/study/console/participants/**", lose_the_first_answer)
+    console.get_by_role("button", name="Add participant").click()
+    console.get_by_role("heading", name="P01").wait_for()
+    wait_for(console, "() => document.querySelector('.add').disabled === false")
+    console.get_by_label("Note").fill("late")
+    with console.expect_response(lambda answer: "/notes/" in answer.url and answer.ok):
+        console.get_by_role("button", name="Save note").click()
+    console.get_by_role("listitem").filter(has_text="late").wait_for()
+    assert len(lost) == 2
+    (only,) = read_participants(server.sessions)
+    assert only.notes == ["late"]
     assert problems == []

@@ -46,6 +46,13 @@ def test_the_client_writes_none_of_them_again(module: object) -> None:
         assert again == []
 
 
+@pytest.mark.parametrize("module", [wire, study_wire])
+def test_the_client_uses_all_of_them(module: object) -> None:
+    source = "\n".join(path.read_text() for path in WEB.rglob("*.ts") if path.name != "wire.ts")
+    names = module.CONSTANTS  # pyright: ignore[reportAttributeAccessIssue]
+    assert [name for name in names if not re.search(rf"\b{name}\b", source)] == []
+
+
 def test_a_client_can_miss_two_pings() -> None:
     assert wire.SILENCE_S > 3 * wire.PING_S
 

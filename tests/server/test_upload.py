@@ -91,6 +91,19 @@ def test_what_is_wrong_is_said(fields: dict[str, Any], says: str) -> None:
         parse_upload(body_of(fields, photo() + depth_mm().tobytes()))
 
 
+@pytest.mark.parametrize(
+    ("length", "says"),
+    [
+        (500, "The header claims 500 bytes, but the upload has only 304."),
+        (301, "The header claims 301 bytes, but the upload has only 304."),
+        (1, "A header has 2 to 20,000 bytes, not 1."),
+    ],
+)
+def test_a_header_of_an_impossible_length(length: int, says: str) -> None:
+    with pytest.raises(BadUpload, match=says):
+        parse_upload(struct.pack("<I", length) + b" " * 300)
+
+
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
 def test_poses_that_are_no_numbers(number: str) -> None:
     text = json.dumps(header()).replace("[1, 0, 0, 0.0,", f"[{number}, 0, 0, 0.0,").encode()

@@ -15,10 +15,10 @@ SAME = 1e-9
 """0 on the machine that wrote them; another processor may round the last digit differently."""
 
 
-@pytest.mark.parametrize("name", ["nearest.json", "exposure.json", "guidance.json"])
+@pytest.mark.parametrize("name", ["view_weights.json", "exposure.json", "guidance.json"])
 def test_the_answers_are_those_of_the_code(name: str) -> None:
     of_code = {
-        "nearest.json": web_fixtures.nearest_cases,
+        "view_weights.json": web_fixtures.view_weight_cases,
         "exposure.json": web_fixtures.exposure_cases,
         "guidance.json": web_fixtures.guidance_cases,
     }[name]()

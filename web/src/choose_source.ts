@@ -2,7 +2,7 @@
 
 import type { SourceKind } from './sources/frame_source';
 
-export interface Choice {
+export interface SourceChoice {
   readonly kind: SourceKind;
   /** The recording to play, when that is what it is. */
   readonly recording: string | null;
@@ -21,7 +21,7 @@ export class NoSuchSource extends Error {
  */
 export function chooseSource(
   query: URLSearchParams, recordings: readonly string[], arSupported: boolean,
-): Choice {
+): SourceChoice {
   const asked = query.get('source');
   const recording = query.get('recording') ?? recordings[0] ?? null;
   switch (asked) {

@@ -2,8 +2,8 @@
 
 import { CaptureDb } from './capture/capture_db';
 import { CaptureSession } from './capture/capture_session';
-import { chooseSource, type Choice } from './choose_source';
-import { openExtension } from './extensions';
+import { chooseSource, type SourceChoice } from './choose_source';
+import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
@@ -190,7 +190,7 @@ class Notices {
 }
 
 async function sourceOf(
-  choice: Choice, api: Api, stage: HTMLElement, overlay: HTMLElement, query: URLSearchParams,
+  choice: SourceChoice, api: Api, stage: HTMLElement, overlay: HTMLElement, query: URLSearchParams,
 ): Promise<Source> {
   switch (choice.kind) {
     case 'webxr':
@@ -228,7 +228,7 @@ async function canDoAr(): Promise<boolean> {
   return (await navigator.xr?.isSessionSupported('immersive-ar').catch(() => false)) ?? false;
 }
 
-function nameOf(choice: Choice): string {
+function nameOf(choice: SourceChoice): string {
   const when = new Date().toLocaleString([], { dateStyle: 'medium', timeStyle: 'short' });
   switch (choice.kind) {
     case 'webxr': return when;

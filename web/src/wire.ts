@@ -6,16 +6,12 @@ import {
 
 /** Goes up when an older client would misunderstand; both sides refuse another version. */
 export const PROTOCOL = 2;
-/** Tracked points that come with one capture. */
-export const MAX_POINTS = 20000;
 /** Views that a client blends; `Options.neighbours` is never more. */
 export const MAX_NEIGHBOURS = 8;
 /** Targets that a person is asked to reach; a guide that needs more is refused. */
 export const MAX_GUIDED_TARGETS = 400;
 /** The paper's mean peaked share: below it, a view from here would not have been worth it. */
 export const PAPER_PEAKED_SHARE = 0.0428;
-/** A stream of events says something at least this often. */
-export const PING_S = 10;
 /** A client that hears nothing for so long takes the connection for dead, and connects again. */
 export const SILENCE_S = 35;
 /** Time constant with which what is shown follows what is measured, so that nothing flashes. */

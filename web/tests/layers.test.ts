@@ -44,8 +44,8 @@ test('a circle of three is found', () => {
 test('imports are found, in every form', () => {
   const imports = importsOf();
   expect(imports.size).toBeGreaterThan(70);
-  expect(imports.get('main.ts')).toContain('extensions.ts');
-  expect(imports.get('extensions.ts')).toContain('study/capture_study.ts'); // import()
+  expect(imports.get('main.ts')).toContain('extension_registry.ts');
+  expect(imports.get('extension_registry.ts')).toContain('study/capture_study.ts'); // import()
   expect(imports.get('ui/hud.ts')).toContain('ui/hud_rules.ts'); // import type
   expect(imports.get('mpi/decoder.ts')).toContain('mpi/decode_worker.ts'); // new URL()
 });
@@ -56,7 +56,7 @@ test('no file imports itself by way of others', () => {
 
 test('the capture page knows no extension', () => {
   const outside = Array.from(importsOf())
-    .filter(([file, imports]) => !file.startsWith('study/') && file !== 'extensions.ts'
+    .filter(([file, imports]) => !file.startsWith('study/') && file !== 'extension_registry.ts'
       && imports.some((name) => name.startsWith('study/')));
   expect(outside).toEqual([]);
 });

@@ -123,7 +123,7 @@ describe('many views', () => {
 });
 
 describe('as Python answers', () => {
-  const cases = jsonFixture<Case[]>('nearest.json');
+  const cases = jsonFixture<Case[]>('view_weights.json');
 
   test.each(cases.map((one, i) => [i, one] as const))('case %i', (_, one) => {
     const views = one.views.map(cameraOfWire);

@@ -8,10 +8,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncGenerator, Callable, Mapping
+from collections.abc import AsyncGenerator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import msgspec
@@ -19,9 +19,8 @@ from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, RedirectResponse, Response, StreamingResponse
-from starlette.routing import BaseRoute, Mount, Route
-from starlette.staticfiles import StaticFiles
+from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.routing import Route
 
 import peaking
 from peaking.datasets.stored_images import read_picture
@@ -36,19 +35,18 @@ from peaking.server.events import SERVER, Hub
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession
 from peaking.server.openapi import document
+from peaking.server.pages import client_pages
+from peaking.server.recording_routes import routes_of_recordings
 from peaking.server.recordings import PlayedRecording
 from peaking.server.requests import id_in_path, read_body, read_json
-from peaking.server.responses import event_stream, json_response, problem
+from peaking.server.responses import LASTING, event_stream, json_response, problem
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 THUMBNAIL_PX = 240
 RETRY_AFTER_S = 2
-NO_CLIENT = "The web client is not built. Run: make client"
 _log = logging.getLogger("peaking.server")
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -258,25 +256,7 @@ class _Handlers:
         session = self._session(request)
         capture = session.capture(id_in_path(request, "capture"))
         data = await run_in_threadpool(_thumbnail, session, capture)
-        return Response(data, media_type="image/jpeg", headers=_LASTING)
-
-    # Recordings
-
-    async def recording(self, request: Request) -> Response:
-        recording = self._recording(request)
-        return json_response(await run_in_threadpool(lambda: recording.index))
-
-    async def recorded_photo(self, request: Request) -> Response:
-        recording = self._recording(request)
-        data = await run_in_threadpool(_or_404, recording.photo, request.path_params["index"])
-        return Response(data, media_type="image/jpeg", headers=_LASTING)
-
-    async def recorded_depth(self, request: Request) -> Response:
-        recording = self._recording(request)
-        data = await run_in_threadpool(_or_404, recording.depth, request.path_params["index"])
-        if data is None:
-            raise HTTPException(404, "This frame has no depth.")
-        return Response(data, media_type="application/octet-stream", headers=_LASTING)
+        return Response(data, media_type="image/jpeg", headers=LASTING)
 
     # Inside
 
@@ -304,12 +284,6 @@ class _Handlers:
     def _session(self, request: Request) -> OpenSession:
         return self.store.get(id_in_path(request, "session"))
 
-    def _recording(self, request: Request) -> PlayedRecording:
-        recording = self.config.recordings.get(request.path_params["recording"])
-        if recording is None:
-            raise HTTPException(404, "This server has no recording of that name.")
-        return recording
-
 
 def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
     """Return the application; a test can hold ten of them.
@@ -327,7 +301,11 @@ def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = 
         server.close()
 
     app = Starlette(
-        routes=[*_api_routes(server), *_pages(config.client_dir)],
+        routes=[
+            *_api_routes(server),
+            *routes_of_recordings(config.recordings),
+            *client_pages(config.client_dir),
+        ],
         exception_handlers=_handlers(),
         lifespan=lifespan,
     )
@@ -339,7 +317,6 @@ def _api_routes(server: _Handlers) -> list[Route]:
     """Return the addresses below /api."""
     session = "/api/v1/sessions/{session}"
     capture = session + "/captures/{capture}"
-    frame = "/api/v1/recordings/{recording}/frames/{index:int}"
     return [
         Route("/api/v1/server", server.info, methods=["GET"]),
         Route("/api/v1/pair", server.pair, methods=["POST"]),
@@ -360,40 +337,6 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
         Route(capture + "/photo", server.photo, methods=["GET"]),
         Route(capture + "/thumbnail", server.thumbnail, methods=["GET"]),
-        Route("/api/v1/recordings/{recording}", server.recording, methods=["GET"]),
-        Route(frame + "/photo", server.recorded_photo, methods=["GET"]),
-        Route(frame + "/depth", server.recorded_depth, methods=["GET"]),
-    ]
-
-
-_LASTING = {"Cache-Control": "private, max-age=31536000, immutable"}
-
-
-def _pages(client_dir: Path) -> list[BaseRoute]:
-    if not (client_dir / "index.html").is_file():
-
-        async def missing(request: Request) -> Response:
-            if request.url.path.startswith("/api"):
-                raise HTTPException(404, "There is nothing at this address.")
-            return Response(NO_CLIENT, 503, media_type="text/plain")
-
-        return [Route("/{path:path}", missing)]
-
-    def page(name: str) -> Callable[[Request], Any]:
-        async def answer(_: Request) -> Response:
-            return FileResponse(client_dir / name, headers={"Cache-Control": "no-cache"})
-
-        return answer
-
-    async def shortcut(_: Request) -> Response:
-        return RedirectResponse("/")
-
-    return [
-        Route("/", page("index.html")),
-        Route("/index.html", shortcut),
-        Route("/check", page("check.html")),
-        Route("/sessions", page("sessions.html")),
-        Mount("/", StaticFiles(directory=client_dir)),
     ]
 
 
@@ -413,17 +356,10 @@ def _handlers() -> Mapping[Any, Any]:
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
 
-def _or_404(call: Callable[[int], T], index: int) -> T:
-    try:
-        return call(index)
-    except IndexError as error:
-        raise HTTPException(404, f"No such frame: {error}.") from None
-
-
 def _file(path: Path, media_type: str) -> Response:
     if not path.is_file():
         raise HTTPException(404, "There is no such file.")
-    return FileResponse(path, media_type=media_type, headers=_LASTING)
+    return FileResponse(path, media_type=media_type, headers=LASTING)
 
 
 def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:

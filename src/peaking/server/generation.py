@@ -56,7 +56,7 @@ class GenerationQueue:
 
         Raises:
             BackendUnavailable: PyTorch is asked for by the options, and is not there.
-            CheckpointError: Weights are missing or cannot be used.
+            CheckpointError: A checkpoint is missing or cannot be used.
         """
         self._on_done = on_done
         self._capacity = capacity

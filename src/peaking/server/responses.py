@@ -33,6 +33,8 @@ TITLES: Mapping[ProblemKind, str] = {
     "too-large": "The request is too large",
 }
 PROBLEM_JSON = "application/problem+json"
+LASTING: Mapping[str, str] = {"Cache-Control": "private, max-age=31536000, immutable"}
+"""Headers of what never changes."""
 
 
 def json_response(value: object, *, status: int = 200) -> Response:

@@ -123,10 +123,12 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
     if len(body) < 4:
         raise BadUpload("The upload is shorter than its own header.", status=400)
     (length,) = struct.unpack_from("<I", body)
-    if not 2 <= length <= min(MAX_HEADER_BYTES, len(body) - 4):
+    if length > len(body) - 4:
         raise BadUpload(
-            f"The header is {length} bytes long, it says, in an upload of {len(body)}.", status=400
+            f"The header claims {length} bytes, but the upload has only {len(body)}.", status=400
         )
+    if not 2 <= length <= MAX_HEADER_BYTES:
+        raise BadUpload(f"A header has 2 to {MAX_HEADER_BYTES:,} bytes, not {length}.", status=400)
     try:
         header = msgspec.json.decode(body[4 : 4 + length], type=wire.CaptureHeader)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

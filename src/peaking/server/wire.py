@@ -29,10 +29,15 @@ Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
-# Numbers that both languages need. TypeScript has them from here.
+# Numbers of the protocol that our own client does not need.
 
 MAX_POINTS = 20_000
-"""Tracked points that come with one capture."""
+"""Tracked points that come with one capture; WebXR gives none."""
+
+PING_S = 10.0
+"""A stream of events says something at least this often."""
+
+# Numbers that both languages need. TypeScript has them from here.
 
 MAX_NEIGHBOURS = 8
 """Views that a client blends; `Options.neighbours` is never more."""
@@ -43,9 +48,6 @@ MAX_GUIDED_TARGETS = 400
 PAPER_PEAKED_SHARE = method.PAPER_PEAKED_SHARE
 """The paper's mean peaked share: below it, a view from here would not have been worth it."""
 
-PING_S = 10.0
-"""A stream of events says something at least this often."""
-
 SILENCE_S = 35.0
 """A client that hears nothing for so long takes the connection for dead, and connects again."""
 
@@ -54,11 +56,9 @@ SETTLING_S = 0.2
 
 CONSTANTS = (
     "PROTOCOL",
-    "MAX_POINTS",
     "MAX_NEIGHBOURS",
     "MAX_GUIDED_TARGETS",
     "PAPER_PEAKED_SHARE",
-    "PING_S",
     "SILENCE_S",
     "SETTLING_S",
 )

@@ -5,7 +5,7 @@ export interface Facts {
   readonly secure: boolean;
   readonly webXr: boolean;
   readonly immersiveAr: boolean;
-  /** `XRWebGLBinding.getCameraImage` exists. */
+  /** `XRWebGLBinding.getCameraImage` exists, and `Symbol.dispose`, which releases its frames. */
   readonly cameraAccess: boolean;
   readonly depthSensing: boolean;
   readonly webGl2: boolean;
@@ -59,7 +59,7 @@ export function findingsOf(facts: Facts): Finding[] {
       text: facts.cameraAccess
         ? 'The browser can give pages the camera picture'
           + (facts.immersiveAr ? '; it asks for permission first.' : ' on devices with augmented reality.')
-        : 'Only Chrome for Android (107 or newer) gives pages the camera picture.',
+        : 'Only Chrome for Android gives pages the camera picture. Use version 134 or newer.',
     },
     {
       grade: no('warn', facts.depthSensing),

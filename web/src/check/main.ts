@@ -18,7 +18,8 @@ async function probe(): Promise<Facts> {
     secure: globalThis.isSecureContext,
     webXr: navigator.xr !== undefined,
     immersiveAr: (await navigator.xr?.isSessionSupported('immersive-ar').catch(() => false)) ?? false,
-    cameraAccess: binding !== undefined && 'getCameraImage' in binding.prototype,
+    cameraAccess: binding !== undefined && 'getCameraImage' in binding.prototype
+      && 'dispose' in Symbol,
     depthSensing: 'XRDepthInformation' in globalThis || 'XRCPUDepthInformation' in globalThis,
     webGl2: gl !== null,
     maxTextureSize: gl === null ? 0 : Number(gl.getParameter(gl.MAX_TEXTURE_SIZE)),

@@ -1,4 +1,4 @@
-/** Views on a part of a sphere around a point, all looking at it; twin of guidance/hemisphere.py. */
+/** Views on a part of a sphere around a point, all looking at it; twin of guidance/hemisphere_guide.py. */
 
 import { rigid, type Cam, type Rigid, type World } from '../geometry';
 import { DIRECTION_TOLERANCE_RAD, type Guide, type Tolerance } from './guide';

@@ -1,5 +1,5 @@
 #version 300 es
-// c = sum(w a c) / sum(w a), premultiplied in and out; twin of src/peaking/render/blend.py.
+// c = sum(w a c) / sum(w a), premultiplied in and out; twin of src/peaking/rendering/blending.py.
 precision highp float;
 
 // MAX_NEIGHBOURS of the wire; a test compares them.

@@ -46,6 +46,12 @@ describe('verdicts', () => {
     expect(verdictOf(quest).grade).toBe('warn');
   });
 
+  test('a Chrome that is too old for the camera is told which one is needed', () => {
+    const old = { ...PHONE, cameraAccess: false, userAgent: ANDROID.replace('147', '120') };
+    expect(verdictOf(old).grade).toBe('warn');
+    expect(textOf(old, 'Camera access')).toContain('134 or newer');
+  });
+
   test('without a server, or without WebGL 2, nothing works', () => {
     expect(verdictOf({ ...PHONE, server: false }).text).toContain('server');
     expect(verdictOf({ ...PHONE, webGl2: false }).text).toContain('draw');

@@ -19,13 +19,14 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.routing import Mount, Route
 
 from peaking.errors import PeakingError
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
 from peaking.server.openapi import OPERATIONS, document
+from peaking.server.pages import page
 from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
     event_stream,
@@ -252,8 +253,8 @@ def create_study_app(
 
     app = Starlette(
         routes=[
-            Route("/study", _page(config.client_dir / "study.html")),
-            Route("/participant", _page(config.client_dir / "participant.html")),
+            Route("/study", page(config.client_dir / "study.html")),
+            Route("/participant", page(config.client_dir / "participant.html")),
             Mount("/api/v1/study/console", app=_console_app(handlers, config)),
             Route("/api/v1/openapi.json", handlers.openapi, methods=["GET"]),
             *_participant_routes(handlers),
@@ -300,13 +301,6 @@ def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
     )
     app.add_middleware(Guard, token=config.console_token, cookie=CONSOLE_COOKIE)
     return app
-
-
-def _page(path: Path) -> Callable[[Request], Any]:
-    async def answer(_: Request) -> Response:
-        return FileResponse(path, headers={"Cache-Control": "no-cache"})
-
-    return answer
 
 
 def _refusals() -> dict[Any, Any]:
