@@ -13,7 +13,7 @@ import peaking
 
 recording = peaking.open_recording(sys.argv[1])
 rule = peaking.SelectionOptions("threshold", threshold_share=float(sys.argv[2]))
-taken = peaking.select(recording, how=rule)
+taken = peaking.select(recording, selection=rule)
 kept = peaking.select(recording, len(taken))
 print(f"threshold: {' '.join(map(str, taken))}")
 print(f"peaking:   {' '.join(map(str, kept))}")

@@ -236,6 +236,6 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
         photo = client.get(f"{session}/captures/{capture_id(1)}/photo")
         assert photo.content[:2] == b"\xff\xd8"
         # P03 was erased, and the pseudonym is not given again.
-        new = client.post("/api/v1/study/console/participants").json()
+        new = client.put("/api/v1/study/console/participants/p04-of-corpus").json()
         assert new == {"participant": "P04"}
     assert read_participants(folder)[1].trials[0].answers["sus"]["q10"] == 3

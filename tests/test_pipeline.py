@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 from peaking.datasets import Recording, open_recording
 from peaking.errors import PeakingError
 from peaking.options import DEFAULT, PAPER, PRESETS, Options
@@ -100,9 +100,9 @@ def test_each_difference_between_the_presets_is_an_option_of_the_command_line() 
         if getattr(PAPER, field.name) != getattr(DEFAULT, field.name)
     }
     assert differ
-    assert MethodFlags(preset="default", **differ).options() == PAPER
-    assert MethodFlags(preset="paper").options() == PAPER
-    assert MethodFlags().options() == DEFAULT
+    assert MethodOptions(preset="default", **differ).options() == PAPER
+    assert MethodOptions(preset="paper").options() == PAPER
+    assert MethodOptions().options() == DEFAULT
     assert set(PRESETS) == {"default", "paper"}
 
 

@@ -60,7 +60,7 @@ class Scratch:
 
 
 def choose_views(
-    cameras: Sequence[Camera], target: Camera, options: Options, *, mpi_of: Callable[[int], Mpi]
+    cameras: Sequence[Camera], target: Camera, options: Options, *, get_mpi: Callable[[int], Mpi]
 ) -> tuple[Neighbour, ...]:
     """Choose the views to render a target from, and their weights (paper, section 3.1).
 
@@ -68,7 +68,7 @@ def choose_views(
         cameras: Where the views were taken.
         target: The camera to render for.
         options: How many, and how they are weighted.
-        mpi_of: The MPI of a view, by its number; one at most is asked for.
+        get_mpi: The MPI of a view, by its number; one at most is asked for.
 
     Raises:
         ValueError: There is no view.
@@ -76,7 +76,7 @@ def choose_views(
     if options.blend_weights == "paper":
         return nearest_by_distance(cameras, target, count=options.neighbours)
     closest = nearest_by_distance(cameras, target, count=1)[0]
-    scene_depth_m = float(np.median(mpi_of(closest.index).plane_depths_m))
+    scene_depth_m = float(np.median(get_mpi(closest.index).plane_depths_m))
     return nearest_by_overlap(cameras, target, scene_depth_m, count=options.neighbours)
 
 
@@ -146,7 +146,7 @@ class LightField:
         usable = [i for i in range(len(self.mpis)) if i not in self.guessed]
         usable = usable or list(range(len(self.mpis)))
         cameras = [self.mpis[i].camera for i in usable]
-        chosen = choose_views(cameras, camera, self.options, mpi_of=lambda k: self.mpis[usable[k]])
+        chosen = choose_views(cameras, camera, self.options, get_mpi=lambda k: self.mpis[usable[k]])
         return tuple(replace(neighbour, index=usable[neighbour.index]) for neighbour in chosen)
 
     def render(

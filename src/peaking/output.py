@@ -23,7 +23,9 @@ from jaxtyping import UInt8, UInt16
 
 from peaking.errors import OutputError
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says when a disk is full, or the share of it that one may use."""
+
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
@@ -177,14 +179,14 @@ def _explained(
 
 
 def _is_about_writing(error: OSError, partial: Path) -> bool:
-    if error.errno in (*_FULL, errno.EROFS):
+    if error.errno in (*NO_ROOM, errno.EROFS):
         return True
     named = [name for name in (error.filename, error.filename2) if isinstance(name, str)]
     return error.errno in _FORBIDDEN and any(Path(name).is_relative_to(partial) for name in named)
 
 
 def _sentence(error: OSError, out: Path) -> str:
-    if error.errno in _FULL:
+    if error.errno in NO_ROOM:
         return (
             f"{out}: no room: {error.strerror} ({_free_mb(out):.0f} MB free); "
             "nothing was kept: free some space or give a folder on another disk"

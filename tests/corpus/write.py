@@ -273,9 +273,9 @@ def _study(folder: Path) -> None:
     )
     with TestClient(app, base_url="http://localhost") as client:
         for participant in ("P01", "P02"):
-            client.post("/api/v1/study/console/participants")
+            client.put(f"/api/v1/study/console/participants/{participant.lower()}-of-corpus")
             _participant(client, participant)
-        client.post("/api/v1/study/console/participants")
+        client.put("/api/v1/study/console/participants/p03-of-corpus")
     erase_participant(folder, "P03")
     (folder / ".serving").unlink(missing_ok=True)
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from peaking.replay.overlay_video import Panels
-from peaking.replay.records import FrameRecord, ReplaySettings
+from peaking.replay.records import FrameRecord, ReplayHeader
 
 FRAMES = 150
 THRESHOLD_SHARE = 0.0428
@@ -39,7 +39,7 @@ def walk() -> list[FrameRecord]:
     return [path_record(index) for index in range(FRAMES)]
 
 
-def settings(**changes: object) -> ReplaySettings:
+def settings(**changes: object) -> ReplayHeader:
     """Settings with something nested and something that HTML would take amiss."""
     fields: dict[str, object] = {
         "version": "9.8.7",
@@ -50,7 +50,7 @@ def settings(**changes: object) -> ReplaySettings:
         "fps": 30.0,
         "threshold_share": THRESHOLD_SHARE,
     }
-    return ReplaySettings(**{**fields, **changes})  # type: ignore[arg-type]
+    return ReplayHeader(**{**fields, **changes})  # type: ignore[arg-type]
 
 
 def plain(size_px: tuple[int, int], color: tuple[int, int, int]) -> UInt8[np.ndarray, "h w 3"]:

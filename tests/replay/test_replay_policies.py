@@ -1,4 +1,4 @@
-"""Every policy walks a recording; what is let go of on the way is not captured in the end."""
+"""Every policy walks a recording; what is dropped on the way is not captured in the end."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def test_a_policy_decides_what_is_captured(walked: Path, tmp_path: Path, policy:
     assert captured == summary["captured_indices"]
     assert len(open_recording(out / "captured")) == summary["captured"]
     assert all(row["reason"] for row in rows)
-    let_go = [row for row in rows if row["let_go_at"]]
-    assert bool(let_go) == (policy == "peaking")
-    for row in let_go:
-        assert int(row["index"]) <= int(row["let_go_at"]) < FRAMES
+    dropped = [row for row in rows if row["dropped_at"]]
+    assert bool(dropped) == (policy == "peaking")
+    for row in dropped:
+        assert int(row["index"]) <= int(row["dropped_at"]) < FRAMES
         assert row["captured"] == "false"
     if policy != "threshold":
         assert f"<dd>{policy}" in (out / "report.html").read_text()
@@ -53,5 +53,5 @@ def test_without_a_number_of_views_it_says_what_is_needed(
     with pytest.raises(SystemExit) as ended:
         main(["replay", str(walked), "--out", str(tmp_path / "o"), "--policy", "uniform", *SMALL])
     assert ended.value.code == 2
-    assert "need --views for --policy uniform" in capsys.readouterr().err
+    assert "need a number of views for the policy uniform" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()

@@ -40,7 +40,7 @@ def test_two_frames_by_hand(tmp_path: Path) -> None:
     )
     write_frames_csv(tmp_path / "frames.csv", [first, second])
     assert (tmp_path / "frames.csv").read_text() == (
-        "index,name,timestamp_s,captured,let_go_at,reason,peaked_share,missing_share,mean_error,nearest_distance_m,"
+        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,missing_share,mean_error,nearest_distance_m,"
         "position_x_m,position_y_m,position_z_m,forward_x,forward_y,forward_z,up_x,up_y,up_z,"
         "ms_read,ms_render\n"
         '0,"a, b.jpg",1700000000.123456,true,,,,,,,1.000000,-2.000000,0.500000,'

@@ -200,7 +200,7 @@ def test_a_walk_to_the_right_goes_to_the_right_of_the_map() -> None:
     view = map_view(records)
     assert view.words == "seen from above"
     np.testing.assert_allclose(view.axes, [[1, 0, 0], [0, 1, 0]], atol=1e-9)
-    places = view.place_m(np.array([r.position_m for r in records]))
+    places = view.point_m(np.array([r.position_m for r in records]))
     np.testing.assert_allclose(places[-1] - places[0], [1.9, 0.0], atol=1e-9)
 
 
@@ -235,8 +235,8 @@ def test_from_above_is_never_mirrored_and_does_not_depend_on_the_worlds_axes(see
     np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(2), atol=1e-9)
     np.testing.assert_allclose(np.cross(*view.axes), turn @ [0.0, 0.0, 1.0], atol=1e-9)
     before = map_view(walk())
-    placed = view.place_m(np.array([r.position_m for r in turned]))
-    as_before = before.place_m(np.array([r.position_m for r in walk()]))
+    placed = view.point_m(np.array([r.position_m for r in turned]))
+    as_before = before.point_m(np.array([r.position_m for r in walk()]))
     np.testing.assert_allclose(placed, as_before, atol=1e-9)
 
 

@@ -174,11 +174,11 @@ def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: PolicyNa
     for candidate in whole(frames).candidates:
         decision = policy.observe(candidate)
         assert decision.reason
-        assert set(decision.let_go) <= held
-        held -= set(decision.let_go)
+        assert set(decision.dropped) <= held
+        held -= set(decision.dropped)
         held |= {candidate.number} if decision.take else set()
         assert held == set(policy.views)
-    held -= set(policy.finish().let_go)
+    held -= set(policy.finish().dropped)
     assert held == set(policy.views)
 
 
@@ -246,5 +246,5 @@ def test_it_never_holds_more_than_it_may(frames: RecordedFrames) -> None:
     for candidate in whole(frames).candidates:
         policy.observe(candidate)
         assert len(policy.views) <= HELD_PER_VIEW * 2
-    assert len(policy.finish().let_go) == HELD_PER_VIEW * 2 - 2
+    assert len(policy.finish().dropped) == HELD_PER_VIEW * 2 - 2
     assert len(policy.views) == 2

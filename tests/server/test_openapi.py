@@ -56,7 +56,7 @@ def study_app(tmp_path_factory: pytest.TempPathFactory) -> Any:
     root = tmp_path_factory.mktemp("fuzzed-study")
     (root / FILE_NAME).write_text(SMALL)
     with open_client(root) as client:
-        client.post("/api/v1/study/console/participants")
+        client.put(f"/api/v1/study/console/participants/{SESSION_ID}")
         yield client.app
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import pytest
 from starlette.testclient import TestClient
@@ -23,6 +24,7 @@ from study.test_protocol import SMALL
 P01 = "/api/v1/study/participants/P01"
 CONSOLE = "/api/v1/study/console"
 SUS = {f"q{i}": 4 for i in range(1, 11)}
+NEW = "0f0f0f0f-0000-4000-8000-000000000001"
 SESSION = "5e551011-0000-4000-8000-000000000001"
 
 
@@ -54,8 +56,12 @@ def study(tmp_path: Path) -> Path:
 @pytest.fixture
 def client(study: Path) -> Generator[TestClient, None, None]:
     with open_client(study) as client:
-        client.post(f"{CONSOLE}/participants")
+        add(client)
         yield client
+
+
+def add(client: TestClient, new_id: str | None = None) -> Any:
+    return client.put(f"{CONSOLE}/participants/{new_id or uuid4()}")
 
 
 def step(client: TestClient) -> Any:
@@ -87,9 +93,9 @@ def link(client: TestClient, key: str) -> int:
     return client.put(f"{P01}/steps/{key}/session", json={"session": SESSION}).status_code
 
 
-def repeat(client: TestClient, key: str, why: str) -> int:
-    path = f"{CONSOLE}/participants/P01/steps/{key}/repetitions"
-    return client.post(path, json={"text": why}).status_code
+def repeat(client: TestClient, key: str, why: str, new_id: str | None = None) -> int:
+    path = f"{CONSOLE}/participants/P01/steps/{key}/repetitions/{new_id or uuid4()}"
+    return client.put(path, json={"text": why}).status_code
 
 
 def do_phase(client: TestClient, key: str) -> None:
@@ -118,9 +124,30 @@ def first_trial(client: TestClient) -> None:
 
 
 def test_pseudonyms_are_given_in_order(client: TestClient) -> None:
-    assert client.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
+    assert add(client).json() == {"participant": "P02"}
     assert client.get(P01).json()["step"]["kind"] == "consent"
     assert client.get("/api/v1/study/participants/P09").status_code == 404
+
+
+def test_a_participant_who_is_added_twice_is_one(client: TestClient, study: Path) -> None:
+    for status in (201, 200, 200):
+        answer = add(client, NEW)
+        assert (answer.status_code, answer.json()) == (status, {"participant": "P02"})
+    with open_client(study) as again:
+        assert add(again, NEW).json() == {"participant": "P02"}
+        assert add(again).json() == {"participant": "P03"}
+    assert add(client, "No id").status_code == 404
+    assert [r.pseudonym for r in read_participants(study)] == ["P01", "P02", "P03"]
+
+
+def test_a_note_that_is_sent_twice_is_one(client: TestClient, study: Path) -> None:
+    path = f"{CONSOLE}/participants/P01/notes"
+    sent = [(NEW, "late"), (NEW, "late"), (str(uuid4()), "late")]
+    for new_id, text in sent:
+        assert client.put(f"{path}/{new_id}", json={"text": text}).status_code == 200
+    with open_client(study) as again:
+        assert again.put(f"{path}/{NEW}", json={"text": "late"}).status_code == 200
+    assert read_participants(study)[0].notes == ["late", "late"]
 
 
 def test_nothing_is_asked_of_who_does_not_consent(client: TestClient, study: Path) -> None:
@@ -197,7 +224,7 @@ def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path
     assert tell(client, told_by([{"kind": "x"}])) == 400
     assert tell(client, told_by([{**events[0], "id": f"e{i}"} for i in range(201)])) == 400
     lines = log_of(study, "P01").path.read_text().splitlines()
-    assert sum('"id":' in line for line in lines) == 3
+    assert sum('"time_s":' in line for line in lines) == 3
 
 
 def test_after_a_crash_everybody_is_where_they_were(client: TestClient, study: Path) -> None:
@@ -209,7 +236,7 @@ def test_after_a_crash_everybody_is_where_they_were(client: TestClient, study: P
     with open_client(study) as again:
         assert again.get(P01).json() == before
         assert hand_in(again, "t1.ask.sus", SUS).status_code == 200
-        assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
+        assert add(again).json() == {"participant": "P02"}
 
 
 def test_a_step_is_repeated_with_all_that_came_after(client: TestClient, study: Path) -> None:
@@ -219,6 +246,41 @@ def test_a_step_is_repeated_with_all_that_came_after(client: TestClient, study: 
     assert repeat(client, "t1.capture", "a call") == 200
     assert step(client) == "t1.capture"
     assert read_participants(study)[0].trials[0].answers == {}
+
+
+def test_a_repetition_that_is_sent_twice_undoes_nothing_new(
+    client: TestClient, study: Path
+) -> None:
+    first_trial(client)
+    assert repeat(client, step_key, "a call", NEW) == 200
+    assert order(client, "started", step_key) == 200
+    log = log_of(study, "P01").path
+    before = log.read_bytes()
+    assert repeat(client, step_key, "a call", NEW) == 200
+    with open_client(study) as again:
+        assert repeat(again, step_key, "a call", NEW) == 200
+    assert log.read_bytes() == before
+    assert repeat(client, step_key, "another call") == 200
+    assert log.read_bytes() != before
+
+
+def test_a_repetition_of_which_a_crash_kept_only_some_is_finished_when_sent_again(
+    client: TestClient, study: Path
+) -> None:
+    first_trial(client)
+    log = log_of(study, "P01").path
+    done = log.read_bytes().count(b"\n")
+    assert repeat(client, step_key, "a call", NEW) == 200
+    lines = log.read_bytes().splitlines(keepends=True)
+    assert len(lines) > done + 1
+    for kept in range(done, len(lines)):
+        log.write_bytes(b"".join(lines[:kept]))
+        with open_client(study) as again:
+            assert repeat(again, step_key, "a call", NEW) == 200
+            now = again.get(P01).json()["step"]
+            assert (now["key"], now["running"]) == (step_key, False)
+            do_phase(again, step_key)
+            assert step(again) == "t1.review"
 
 
 def test_what_a_phone_tells_late_of_a_repeated_step_does_not_count(
@@ -241,12 +303,12 @@ def test_what_a_phone_tells_late_of_a_repeated_step_does_not_count(
 
 
 def test_who_is_left_out_gives_the_place_to_the_next(client: TestClient, study: Path) -> None:
-    client.post(f"{CONSOLE}/participants")
+    add(client)
     for _ in range(2):
         path = f"{CONSOLE}/participants/P01/excluded"
         assert client.put(path, json={"text": "the phone broke"}).status_code == 200
     assert log_of(study, "P01").path.read_text().count('"ParticipantExcluded"') == 1
-    client.post(f"{CONSOLE}/participants")
+    add(client)
     records = {r.pseudonym: r for r in read_participants(study)}
     assert records["P03"].row == records["P01"].row
     assert records["P02"].row != records["P01"].row
@@ -277,13 +339,13 @@ def test_the_console_has_a_token_of_its_own(study: Path) -> None:
         both = {
             "cookie": "peaking_token=secret-of-phones; peaking_console=console-secret-of-phones"
         }
-        add = f"{CONSOLE}/participants"
+        new = f"{CONSOLE}/participants/{uuid4()}"
         assert client.get("/api/v1/study/texts").status_code == 401
         assert client.get("/api/v1/study/texts", headers=phone).status_code == 200
-        assert client.post(add, headers=phone).status_code == 401
-        assert client.post(add, headers=both).status_code == 201
+        assert client.put(new, headers=phone).status_code == 401
+        assert client.put(new, headers=both).status_code == 201
         stranger = {**both, "origin": "http://elsewhere"}
-        assert client.post(add, headers=stranger).status_code == 403
+        assert client.put(new, headers=stranger).status_code == 403
         qr = client.get(f"{CONSOLE}/participants/P01/qr.svg", headers=both)
         assert qr.headers["content-type"].startswith("image/svg+xml")
 
@@ -307,4 +369,4 @@ def test_who_is_erased_is_gone_and_the_pseudonym_stays_taken(
     with pytest.raises(StudyError, match="none yet"):
         erase_participant(study, "P01")
     with open_client(study) as again:
-        assert again.post(f"{CONSOLE}/participants").json() == {"participant": "P02"}
+        assert add(again).json() == {"participant": "P02"}

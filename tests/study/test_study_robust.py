@@ -13,7 +13,7 @@ from peaking.server.study.open_participant import OpenParticipant
 from peaking.server.study.open_study import OpenStudy
 from peaking.study.procedure import current
 from peaking.study.records import log_of, read_events
-from study.test_serve_study import CONSOLE, P01, SUS, client, first_trial, study
+from study.test_serve_study import CONSOLE, NEW, P01, SUS, client, first_trial, study
 
 __all__ = ["client", "study"]  # fixtures
 
@@ -38,8 +38,8 @@ PLACES = (
     f"PATCH {P01}/steps/consent/draft",
     f"PUT {P01}/steps/consent/answers",
     f"PUT {P01}/steps/consent/session",
-    f"POST {CONSOLE}/participants/P01/steps/consent/repetitions",
-    f"POST {CONSOLE}/participants/P01/notes",
+    f"PUT {CONSOLE}/participants/P01/steps/consent/repetitions/{NEW}",
+    f"PUT {CONSOLE}/participants/P01/notes/{NEW}",
     f"PUT {CONSOLE}/participants/P01/excluded",
 )
 
@@ -59,7 +59,7 @@ def test_a_log_that_is_cut_anywhere_is_a_log_of_what_came_before(
         kept = whole[:cut].count(b"\n")
         assert again.events == events[:kept]
         assert again.current == current(again.steps, events[:kept])
-        again.note("on we go")
+        again.note("on we go", new_id=NEW)
         assert read_events(log) == again.events
 
 

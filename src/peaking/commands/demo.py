@@ -10,7 +10,7 @@ from urllib.parse import quote
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Demo:
     """Port to listen on, or the next free one; 0: any free port."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from peaking.commands.arguments import checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, POLICY_NAMES, PolicyName
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class Evaluate:
     """Run as Ray tasks (extra `ray`): the address of a cluster, or `local`."""
     json: Path | None = None
     """Also write results.json to this file."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Evaluate, print the table and the path of the report."""

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Generate:
     """How the tiles are stored."""
     quality: int = 90
     """With --codec jpeg: JPEG quality, 1…100."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Generate and write."""

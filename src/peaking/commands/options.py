@@ -14,7 +14,7 @@ from peaking.options import PRESETS, Options, PresetName, descriptions
 
 
 @dataclass(frozen=True)
-class Preset:
+class PresetOptions:
     """A preset and what differs from it."""
 
     preset: PresetName = "default"
@@ -65,7 +65,7 @@ def _word(value: object) -> str:
 
 
 if TYPE_CHECKING:
-    MethodFlags = Preset
+    MethodOptions = PresetOptions
 else:
-    MethodFlags = make_dataclass("MethodFlags", _flags(), bases=(Preset,), frozen=True)
-    MethodFlags.__doc__ = Preset.__doc__
+    MethodOptions = make_dataclass("MethodOptions", _flags(), bases=(PresetOptions,), frozen=True)
+    MethodOptions.__doc__ = PresetOptions.__doc__

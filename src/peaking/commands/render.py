@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 
 if TYPE_CHECKING:
     from peaking.geometry import Camera
@@ -42,7 +42,7 @@ class Render:
     """Rotation to the right and down (degrees)."""
     show: Literal["colour", "alpha", "depth"] = "colour"
     """Colour with alpha, alpha as grey, or depth as 16-bit millimetres."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Render and write."""

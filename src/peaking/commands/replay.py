@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 
 STARTING = "starting (the first run compiles for about 30 s)"
@@ -67,7 +67,7 @@ class Replay:
     """Write no overlay.mp4, which needs the program ffmpeg."""
     json: Path | None = None
     """Also write summary.json to this file."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Replay, and print where the report is."""
@@ -93,7 +93,7 @@ class Replay:
                     near_m=self.near_m,
                     angle_deg=self.angle_deg,
                 )
-            how = ReplayOptions(
+            options = ReplayOptions(
                 recording=recording,
                 preset=self.method.preset,
                 method=self.method.options(),
@@ -110,7 +110,7 @@ class Replay:
                 with_video=not self.no_video,
                 guide=guide,
             )
-        bar = tqdm(range(how.num_frames), desc=STARTING, unit="frame")
+        bar = tqdm(range(options.num_frames), desc=STARTING, unit="frame")
 
         def shown(_: Iterable[int]) -> Iterator[int]:
             for index in bar:
@@ -119,7 +119,7 @@ class Replay:
                 yield index
 
         with bar:
-            summary = replay(how, self.out, progress=shown)
+            summary = replay(options, self.out, progress=shown)
         if self.json is not None:
             write_atomically(self.json, (self.out / "summary.json").read_bytes())
         mean = summary.mean_peaked_share
@@ -135,10 +135,6 @@ class Replay:
         print(f"report: {(self.out / 'report.html').resolve()}")
 
     def _check_policy(self, num_frames: int) -> None:
-        if self.views is None and self.policy in ("peaking", "uniform", "farthest", "random"):
-            raise ArgumentError(f"need --views for --policy {self.policy}")
-        if self.views is None and self.spacing_m is None and self.policy == "plenoptic":
-            raise ArgumentError("need --views or --spacing-m for --policy plenoptic")
         if self.views is not None and self.views > num_frames:
             raise ArgumentError(
                 f"need --views of at most {num_frames}, the frames there are, got {self.views}"

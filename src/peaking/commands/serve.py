@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
-from peaking.commands.options import MethodFlags
+from peaking.commands.options import MethodOptions
 
 MIN_TOKEN_CHARS = 8
 
@@ -38,7 +38,7 @@ class Serve:
     """For a phone on a USB cable: http on localhost, through `adb reverse`."""
     token: str | None = None
     """Secret in the link, at least 8 characters; default: a new random one at each start."""
-    method: MethodFlags = field(default_factory=MethodFlags)
+    method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""

@@ -56,7 +56,7 @@ class EvaluationOptions:
         if len({scene.resolve().name for scene in self.scenes}) < len(self.scenes):
             raise ValueError("need scenes whose folders have different names")
         if not 0 <= self.threshold_share < 1:
-            raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
+            raise ValueError(f"need 0 <= threshold_share < 1, got {self.threshold_share}")
         if not 0 <= self.uniform_metres_per_rad < math.inf:
             raise ValueError(
                 f"need uniform rotation >= 0 m per radian, got {self.uniform_metres_per_rad}"

@@ -33,7 +33,7 @@ class SplatTraining:
 
 
 def with_mpis(recorded: RecordedFrames, views: Sequence[int]) -> Renderer:
-    """Return what the K nearest of the chosen views show, as the photographer sees it."""
+    """Return what the K nearest of the chosen views show."""
 
     def render(camera: Camera) -> Rendering:
         return recorded.render(recorded.neighbours(views, camera), camera)

@@ -112,13 +112,13 @@ def _choose(frames: RecordedFrames, step: ChooseStep, wall_s: Clock) -> Found:
     if step.strategy == "uniform" and parts.uniform is not None:
         views = list(parts.uniform)
     else:
-        how = SelectionOptions(
+        selection = SelectionOptions(
             policy=step.strategy,
             num_views=None if step.strategy == "all" else step.num_views,
             uniform_metres_per_rad=metres_per_rad,
             seed=step.seed,
         )
-        views = select_from(frames.path(parts.candidates), how, step.options)
+        views = select_from(frames.path(parts.candidates), selection, step.options)
     if step.strategy != "all" and len(views) != step.num_views:
         raise RecordingError(
             step.scene,

@@ -44,7 +44,7 @@ class MapView:
     center_m: Float64[np.ndarray, "3"]
     words: str
 
-    def place_m(self, points_m: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 2"]:
+    def point_m(self, points_m: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 2"]:
         """Return points in the map's plane, in metres."""
         return (points_m - self.center_m) @ self.axes.T
 
@@ -103,8 +103,8 @@ def path_map(records: Sequence[FrameRecord], view: MapView, size_px: tuple[int, 
     Returns:
         An <svg> element. It carries its scale in `data-` attributes, for the script.
     """
-    places_m = view.place_m(np.array([r.position_m for r in records], dtype=np.float64))
-    low_m, high_m = places_m.min(axis=0), places_m.max(axis=0)
+    points_m = view.point_m(np.array([r.position_m for r in records], dtype=np.float64))
+    low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
     extent_m = np.maximum(high_m - low_m, SMALLEST_EXTENT_M)
     width, most_height = size_px
     inner_width = width - 2 * MARGIN_PX
@@ -115,19 +115,19 @@ def path_map(records: Sequence[FrameRecord], view: MapView, size_px: tuple[int, 
     x0 = width / 2 - middle_m[0] * px_per_m
     y0 = (height - FOOT_PX) / 2 + middle_m[1] * px_per_m
 
-    def point_px(place_m: Float64[np.ndarray, "2"]) -> tuple[float, float]:
-        return x0 + place_m[0] * px_per_m, y0 - place_m[1] * px_per_m
+    def point_px(point_m: Float64[np.ndarray, "2"]) -> tuple[float, float]:
+        return x0 + point_m[0] * px_per_m, y0 - point_m[1] * px_per_m
 
     step = math.ceil(len(records) / MAX_POINTS)
-    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in map(point_px, places_m[::step]))
+    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in map(point_px, points_m[::step]))
     parts = [f'<path class="path" d="M{line}"/>']
     wedge_px = WEDGE_PX if width > 500 else NARROW_WEDGE_PX
     for record in marked(records):
-        tip_px = point_px(view.place_m(record.position_m[None])[0])
+        tip_px = point_px(view.point_m(record.position_m[None])[0])
         title = f"frame {record.index}, captured: {record.name}"
         mark = _wedge(tip_px, view.axes @ record.forward, wedge_px)
         parts.append(f'<g class="view"><title>{html.escape(title)}</title>{mark}</g>')
-    parts += _ends([point_px(place_m) for place_m in places_m], width)
+    parts += _ends([point_px(point_m) for point_m in points_m], width)
     parts.append(_scale_bar(px_per_m, width, height))
     parts.append('<circle class="cursor" r="6" cx="0" cy="0"/>')
 

@@ -38,7 +38,7 @@ class FrameRecord:
         mean_error: Mean over the picture of the error, in the error's own unit.
         captured: Whether a view was made of this frame; in the end, whether it was kept.
         reason: Why the policy decided so.
-        let_go_at: The frame at which this view was given up; None if it was kept, or never taken.
+        dropped_at: The frame at which this view was given up; None if it was kept, or never taken.
         stage_ms: Milliseconds that each stage took.
     """
 
@@ -54,7 +54,7 @@ class FrameRecord:
     missing_share: float | None = None
     mean_error: float | None = None
     reason: str = ""
-    let_go_at: int | None = None
+    dropped_at: int | None = None
     stage_ms: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ class FrameRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplaySettings:
+class ReplayHeader:
     """What was asked for; every result file begins with it.
 
     Attributes:
@@ -116,7 +116,7 @@ class ReplaySummary:
         stage_ms: Median milliseconds of each stage, over the frames that went through it.
     """
 
-    settings: ReplaySettings
+    settings: ReplayHeader
     frames: int
     captured_indices: tuple[int, ...]
     mean_peaked_share: float | None
@@ -128,14 +128,14 @@ class ReplaySummary:
         return len(self.captured_indices)
 
 
-def with_fate(record: FrameRecord, let_go_at: Mapping[int, int]) -> FrameRecord:
-    """Return the record with what became of its view by the end of the walk."""
-    if record.index not in let_go_at:
+def with_dropped_at(record: FrameRecord, dropped_at: Mapping[int, int]) -> FrameRecord:
+    """Return the record with the frame at which its view was dropped, if it was."""
+    if record.index not in dropped_at:
         return record
-    return replace(record, captured=False, let_go_at=let_go_at[record.index])
+    return replace(record, captured=False, dropped_at=dropped_at[record.index])
 
 
-def summarize(settings: ReplaySettings, records: Sequence[FrameRecord]) -> ReplaySummary:
+def summarize(settings: ReplayHeader, records: Sequence[FrameRecord]) -> ReplaySummary:
     """Put the frames together."""
     shares = [r.peaked_share for r in records if r.peaked_share is not None]
     medians = {
@@ -167,7 +167,7 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(
         [
-            *("index", "name", "timestamp_s", "captured", "let_go_at", "reason"),
+            *("index", "name", "timestamp_s", "captured", "dropped_at", "reason"),
             *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
             *("position_x_m", "position_y_m", "position_z_m"),
             *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
@@ -178,7 +178,7 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
         table.writerow(
             [
                 *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
-                *("true" if r.captured else "false", "" if r.let_go_at is None else r.let_go_at),
+                *("true" if r.captured else "false", "" if r.dropped_at is None else r.dropped_at),
                 r.reason,
                 *(_cell(r.peaked_share), _cell(r.missing_share)),
                 *(_cell(r.mean_error), _cell(r.nearest_distance_m)),

@@ -12,7 +12,7 @@ import numpy as np
 
 from peaking.replay.charts import MAX_POINTS, percent, share_chart
 from peaking.replay.path_map_svg import MapView, map_view, path_map
-from peaking.replay.records import FrameRecord, ReplaySettings, ReplaySummary, write_text
+from peaking.replay.records import FrameRecord, ReplayHeader, ReplaySummary, write_text
 from peaking.replay.stills import Still, encode_stills
 from peaking.reports.page import both_sizes, html_page, jpeg_image, legend, options_table, resource
 
@@ -108,11 +108,14 @@ def _numbers(summary: ReplaySummary) -> str:
     return f'<dl class="numbers">{cells}</dl>\n'
 
 
-def _what_decided(settings: ReplaySettings) -> tuple[str, str, str]:
+def _what_decided(settings: ReplayHeader) -> tuple[str, str, str]:
     guide = settings.guide
     if guide is None and settings.policy != "threshold":
-        count = "all" if settings.num_views is None else str(settings.num_views)
-        return "Policy", html.escape(settings.policy), f"views asked for: {count}"
+        spacing_m = settings.options.get("spacing_m")
+        asked = "all frames" if settings.num_views is None else f"{settings.num_views} views"
+        if isinstance(spacing_m, float) and settings.num_views is None:
+            asked = f"a view every {100 * spacing_m:.1f} cm"
+        return "Policy", html.escape(settings.policy), f"asked for: {asked}"
     if guide is None:
         return "Threshold", percent(settings.threshold_share), "more than this: captured"
     reached = f"{guide['reached']} / {guide['targets']}"
@@ -133,13 +136,15 @@ def _video(folder: Path) -> str:
 
 def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> str:
     threshold_share = summary.settings.threshold_share
+    decides = summary.settings.policy == "threshold" and summary.settings.guide is None
+    whose = "the" if decides else "the paper's"
     wide = share_chart(records, (1080, 300), threshold_share=threshold_share)
     narrow = share_chart(records, (350, 240), threshold_share=threshold_share)
     entries = [
         ('<path class="curve" d="M0 10L9 4L17 9L26 3"/>', "peaked share"),
         (
             '<line class="threshold" x1="0" x2="26" y1="7" y2="7"/>',
-            f"threshold {percent(threshold_share)}",
+            f"{whose} threshold {percent(threshold_share)}",
         ),
         ('<g class="shutter"><path d="M8 2h10l-5 9z"/></g>', "captured"),
     ]
@@ -234,13 +239,13 @@ def _options(summary: ReplaySummary) -> str:
     )
 
 
-def _all_options(settings: ReplaySettings) -> dict[str, object]:
+def _all_options(settings: ReplayHeader) -> dict[str, object]:
     return {**settings.options, **({} if settings.guide is None else {"guide": settings.guide})}
 
 
 def _frames_json(records: Sequence[FrameRecord], view: MapView) -> str:
     """Return what the script shows about frames, every `step`-th of long recordings."""
-    places_m = view.place_m(np.array([r.position_m for r in records], dtype=np.float64))
+    points_m = view.point_m(np.array([r.position_m for r in records], dtype=np.float64))
     step = math.ceil(len(records) / MAX_POINTS)
     frames = [
         {
@@ -251,7 +256,7 @@ def _frames_json(records: Sequence[FrameRecord], view: MapView) -> str:
             "x": round(float(x), 4),
             "y": round(float(y), 4),
         }
-        for r, (x, y) in list(zip(records, places_m, strict=True))[::step]
+        for r, (x, y) in list(zip(records, points_m, strict=True))[::step]
     ]
     text = json.dumps({"step": step, "frames": frames}, separators=(",", ":"))
     # The only sequences that end or change a script element begin with "<".

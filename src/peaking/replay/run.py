@@ -29,10 +29,10 @@ from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
-    ReplaySettings,
+    ReplayHeader,
     ReplaySummary,
     summarize,
-    with_fate,
+    with_dropped_at,
     write_frames_csv,
     write_summary,
 )
@@ -50,7 +50,7 @@ FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """What to replay, and how."""
+    """What to replay, and options."""
 
     recording: Recording
     preset: str
@@ -94,14 +94,14 @@ class Walk:
     Without a depth model, a frame without depth can be looked at but not captured.
     """
 
-    def __init__(self, how: ReplayOptions, policy: Policy) -> None:
+    def __init__(self, options: ReplayOptions, policy: Policy) -> None:
         """Stand before the first frame."""
-        self._how = how
+        self._options = options
         self._policy = policy
         self._stopwatch = Stopwatch()
-        self._scene = Reconstruction(how.method, stopwatch=self._stopwatch)
+        self._scene = Reconstruction(options.method, stopwatch=self._stopwatch)
         self._views: list[int] = []
-        self.let_go_at: dict[int, int] = {}
+        self.dropped_at: dict[int, int] = {}
         """Frames that were captured and given up, and the frame at which they were."""
 
     @property
@@ -119,38 +119,38 @@ class Walk:
             RecordingError: A frame cannot be read, or no frame can be captured.
         """
         last = 0
-        for index in progress(range(self._how.num_frames)):
+        for index in progress(range(self._options.num_frames)):
             last = index
             with self._stopwatch.stage("read"):
-                frame = self._how.recording.read(index)
+                frame = self._options.recording.read(index)
             with self._stopwatch.stage("resize"):
                 small = self._scene.prepare(frame)
             seen = self._scene.compare(small.rgb, small.camera) if self._views else None
             decision = self._policy.observe(
                 ReplayCandidate(index, frame, small.camera, self._scene, tuple(self._views), seen)
             )
-            self._let_go(decision, index)
+            self._drop(decision, index)
             if decision.take:
                 self._scene.add_view(frame)
                 self._views.append(index)
             yield WalkedFrame(
                 small, seen, decision, _record(index, small, seen, decision, self._stopwatch.take())
             )
-        self._let_go(self._policy.finish(), last)
-        if not self._views and not self.let_go_at:
+        self._drop(self._policy.finish(), last)
+        if not self._views and not self.dropped_at:
             raise RecordingError(
-                self._how.recording.path,
+                self._options.recording.path,
                 "no frame that the policy wanted has metric depth",
                 remedy="replay a recording with depth (16-bit PNG, millimetres), or have it "
                 "estimated: --depth-model",
             )
 
-    def _let_go(self, decision: Decision, index: int) -> None:
-        for number in decision.let_go:
+    def _drop(self, decision: Decision, index: int) -> None:
+        for number in decision.dropped:
             place = self._views.index(number)
             self._scene.remove_view(place)
             del self._views[place]
-            self.let_go_at[number] = index
+            self.dropped_at[number] = index
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _record(
     )
 
 
-def replay(how: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> ReplaySummary:
+def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> ReplaySummary:
     """Replay and write `overlay.mp4`, `frames.csv`, `summary.json`, `report.html`, `captured/`.
 
     Raises:
@@ -222,51 +222,53 @@ def replay(how: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> 
         ToolMissing: There is no program to encode the video with.
     """
     with complete_or_absent(out) as folder:
-        guided = _scanned(how)
-        walk = Walk(how, _policy(how, guided))
+        guided = _scanned(options)
+        walk = Walk(options, _policy(options, guided))
         records: list[FrameRecord] = []
         stills = StillPicker()
         size_px = (0, 0)
         with contextlib.ExitStack() as stack:
             video: tuple[OverlayVideo, VideoWriter] | None = None
             for walked in walk.frames(progress=progress):
-                panels = _panels(walked, how.overlay)
+                panels = _panels(walked, options.overlay)
                 size_px = walked.frame.camera.pinhole.size_px
-                if how.with_video:
+                if options.with_video:
                     if video is None:
                         drawing = OverlayVideo(
                             size_px,
-                            frames=how.num_frames,
-                            fps=how.fps,
-                            threshold_share=how.selection.threshold_share,
+                            frames=options.num_frames,
+                            fps=options.fps,
+                            threshold_share=options.selection.threshold_share,
                         )
-                        writer = VideoWriter(folder / "overlay.mp4", drawing.size_px, fps=how.fps)
+                        writer = VideoWriter(
+                            folder / "overlay.mp4", drawing.size_px, fps=options.fps
+                        )
                         video = drawing, stack.enter_context(writer)
                     video[1].write(video[0].draw(panels, walked.record))
                 stills.offer(walked.record, panels)
                 records.append(walked.record)
-        records = [with_fate(record, walk.let_go_at) for record in records]
-        settings = ReplaySettings(
+        records = [with_dropped_at(record, walk.dropped_at) for record in records]
+        settings = ReplayHeader(
             version=peaking.__version__,
-            preset=how.preset,
+            preset=options.preset,
             options={
-                **how.method.as_dict(),
-                **asdict(how.selection),
-                "max_frames": how.max_frames,
-                "overlay": how.overlay,
+                **options.method.as_dict(),
+                **asdict(options.selection),
+                "max_frames": options.max_frames,
+                "overlay": options.overlay,
             },
-            scene=how.recording.name,
+            scene=options.recording.name,
             size_px=size_px,
-            fps=how.fps,
-            threshold_share=how.selection.threshold_share,
-            policy=how.selection.policy,
-            num_views=how.selection.num_views,
+            fps=options.fps,
+            threshold_share=options.selection.threshold_share,
+            policy=options.selection.policy,
+            num_views=options.selection.num_views,
             guide=None
-            if how.guide is None or guided is None
-            else {"kind": how.guide.kind, **guided.as_dict()},
+            if options.guide is None or guided is None
+            else {"kind": options.guide.kind, **guided.as_dict()},
         )
         summary = summarize(settings, records)
-        how.recording.write_subset(summary.captured_indices, folder / "captured")
+        options.recording.write_subset(summary.captured_indices, folder / "captured")
         write_frames_csv(folder / "frames.csv", records)
         write_summary(folder / "summary.json", summary)
         write_report(
@@ -275,22 +277,24 @@ def replay(how: ReplayOptions, out: Path, *, progress: FrameProgress = iter) -> 
     return summary
 
 
-def _scanned(how: ReplayOptions) -> GuidedWalk | None:
-    if how.guide is None:
+def _scanned(options: ReplayOptions) -> GuidedWalk | None:
+    if options.guide is None:
         return None
-    return guided_walk(how.recording, how.guide, num_frames=how.num_frames, options=how.method)
+    return guided_walk(
+        options.recording, options.guide, num_frames=options.num_frames, options=options.method
+    )
 
 
-def _policy(how: ReplayOptions, guided: GuidedWalk | None) -> Policy:
+def _policy(options: ReplayOptions, guided: GuidedWalk | None) -> Policy:
     """Return what decides; policies that need the whole path look at it first."""
     if guided is not None:
         return Chosen({i: f"target {target}" for i, target in guided.target_of_frame.items()})
     try:
-        return create_policy(how.selection, how.method)
+        return create_policy(options.selection, options.method)
     except NeedsWholePath:
-        recorded = RecordedFrames(how.recording, how.method)
-        usable = [i for i in range(how.num_frames) if recorded.path([i]).candidates[0].accepted]
-        return create_policy(how.selection, how.method, path=recorded.path(usable))
+        recorded = RecordedFrames(options.recording, options.method)
+        usable = [i for i in range(options.num_frames) if recorded.path([i]).candidates[0].accepted]
+        return create_policy(options.selection, options.method, path=recorded.path(usable))
 
 
 def _panels(walked: WalkedFrame, overlay: Overlay) -> Panels:

@@ -1,4 +1,4 @@
-"""Our default: hold more views than are needed, and let go of the one that is least missed.
+"""Our default: hold more views than are needed, and drop the one that is least missed.
 
 Greedy backward elimination, one frame at a time. The plain threshold takes a view where it is red
 now, and cannot know whether the next view, taken for another reason, would have shown the same.
@@ -77,6 +77,9 @@ class _Seen:
 class BackwardElimination:
     """Holds at most `HELD_PER_VIEW` views per view wanted, and in the end those wanted.
 
+    Views are weighted by distance over overlap, whatever `Options.blend_weights` says: the question
+    is which view is missed, and those weights change without jumps when one goes.
+
     Frames are called by their row: the first one seen is 0. A frame is never shown by its own MPI:
     that it could show itself says nothing about its neighbours.
     """
@@ -114,7 +117,7 @@ class BackwardElimination:
         return tuple(self._seen[row].number for row in self._held)
 
     def observe(self, candidate: Candidate) -> Decision:
-        """Hold the frame, unless a view from the same place is; let go of one view too many."""
+        """Hold the frame, unless a view from the same place is; drop one view too many."""
         if not candidate.accepted:
             return Decision(False, "no depth")
         row = self._see(candidate)
@@ -131,19 +134,19 @@ class BackwardElimination:
             if new:
                 return Decision(True, "held until views that are missed less are known")
             return Decision(False, "a view from the same place is held")
-        gone = self._let_go()
+        gone = self._drop()
         if gone == row:
             return Decision(False, "the views held show the frames seen so far without it")
         number = self._seen[gone].number
-        return Decision(new, f"view {number} is missed least", let_go=(number,))
+        return Decision(new, f"view {number} is missed least", dropped=(number,))
 
     def finish(self) -> Decision:
-        """Let go of the least missed until as many are held as are wanted."""
+        """Drop the least missed until as many are held as are wanted."""
         gone: list[int] = []
         while len(self._held) > self._num_views:
-            gone.append(self._seen[self._let_go()].number)
+            gone.append(self._seen[self._drop()].number)
         self._rendered.cache_clear()  # takes the most room
-        return Decision(False, "missed least of all", let_go=tuple(gone))
+        return Decision(False, "missed least of all", dropped=tuple(gone))
 
     def _see(self, candidate: Candidate) -> int:
         """Remember a frame, and what it would cost to show it by the views held; return its row."""
@@ -175,7 +178,7 @@ class BackwardElimination:
         self._held.append(row)
         self._shows[row] = set()
 
-    def _let_go(self) -> int:
+    def _drop(self) -> int:
         """Give up the view that is least missed; return its row."""
         least = min(self._held, key=lambda i: self._missed[i])
         self._held.remove(least)

@@ -24,12 +24,12 @@ class Decision:
     Attributes:
         take: Whether the frame becomes a view.
         reason: Why, in a few words.
-        let_go: Numbers of views taken before that are given up; all others are kept.
+        dropped: Numbers of views taken before that are given up; all others are kept.
     """
 
     take: bool
     reason: str
-    let_go: tuple[int, ...] = ()
+    dropped: tuple[int, ...] = ()
 
 
 @runtime_checkable
@@ -82,7 +82,7 @@ class Policy(Protocol):
         ...
 
     def finish(self) -> Decision:
-        """Decide what is let go of at the end, after the last frame."""
+        """Decide what is dropped at the end, after the last frame."""
         ...
 
 
@@ -139,7 +139,7 @@ class Chosen:
         return Decision(True, reason)
 
     def finish(self) -> Decision:
-        """Let go of nothing."""
+        """Drop nothing."""
         return Decision(False, "the end of the path")
 
 

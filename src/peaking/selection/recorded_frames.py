@@ -133,12 +133,12 @@ class RecordedFrames:
             [self.cameras[i] for i in views],
             camera,
             self.options,
-            mpi_of=lambda k: self.mpi(views[k]),
+            get_mpi=lambda k: self.mpi(views[k]),
         )
         return tuple(replace(neighbour, index=views[neighbour.index]) for neighbour in found)
 
     def render(self, neighbours: Sequence[Neighbour], camera: Camera) -> Rendering:
-        """Render what views show together, as the photographer sees it."""
+        """Render what views show together."""
         mpis = [self.mpi(neighbour.index) for neighbour in neighbours]
         weights = [neighbour.weight for neighbour in neighbours]
         with self.stopwatch.stage("rendering"):
@@ -217,15 +217,15 @@ def select(
     recording: Recording,
     num_views: int | None = None,
     *,
-    how: SelectionOptions | None = None,
+    selection: SelectionOptions | None = None,
     options: Options = DEFAULT,
 ) -> list[int]:
     """Return the numbers of the frames of a recording that a policy chooses.
 
     Args:
         recording: What to choose from; frames without depth are left out where any has it.
-        num_views: How many to choose by the product's own policy, unless `how` says otherwise.
-        how: Which policy, and by what it goes.
+        num_views: How many to choose by our own policy, unless `selection` says otherwise.
+        selection: Which policy, and by what it goes.
         options: How views are built, rendered and compared.
 
     Raises:
@@ -234,7 +234,7 @@ def select(
     """
     frames = RecordedFrames(recording, options)
     usable = list(frames.with_depth) or list(range(len(frames)))
-    chosen = how or SelectionOptions("peaking", num_views=num_views)
+    chosen = selection or SelectionOptions("peaking", num_views=num_views)
     return select_from(frames.path(usable), chosen, options)
 
 

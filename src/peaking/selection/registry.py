@@ -28,7 +28,7 @@ class SelectionOptions:
     """Which policy chooses views, and by what."""
 
     policy: PolicyName = "threshold"
-    """Which one."""
+    """Which one; the paper's rule needs no number of views, our own, `peaking`, does."""
     num_views: int | None = None
     """How many views; `threshold` and `plenoptic` need the whole path to reach a number."""
     threshold_share: float = PAPER_PEAKED_SHARE
@@ -44,9 +44,14 @@ class SelectionOptions:
         if self.policy not in POLICIES:
             raise ValueError(f"need a policy among {', '.join(POLICIES)}, got {self.policy}")
         if not 0 <= self.threshold_share < 1:
-            raise ValueError(f"need 0 <= threshold < 1, got {self.threshold_share}")
+            raise ValueError(f"need 0 <= threshold_share < 1, got {self.threshold_share}")
         if self.num_views is not None and self.num_views < 1:
             raise ValueError(f"need num_views >= 1, got {self.num_views}")
+        kind = POLICIES[self.policy]
+        alone = kind.all_frames or (kind.create is not None and kind.create(self, DEFAULT))
+        if self.num_views is None and not alone:
+            other = " or a spacing" if self.policy == "plenoptic" else ""
+            raise ValueError(f"need a number of views{other} for the policy {self.policy}")
 
 
 Create = Callable[[SelectionOptions, Options], Policy | None]
@@ -77,16 +82,22 @@ class PolicyKind:
         return self.create is None
 
 
-def _backward_elimination(how: SelectionOptions, options: Options) -> Policy | None:
-    return None if how.num_views is None else BackwardElimination(how.num_views, options)
+def _backward_elimination(selection: SelectionOptions, options: Options) -> Policy | None:
+    return (
+        None if selection.num_views is None else BackwardElimination(selection.num_views, options)
+    )
 
 
-def _threshold(how: SelectionOptions, options: Options) -> Policy | None:
-    return Threshold(how.threshold_share) if how.num_views is None else None
+def _threshold(selection: SelectionOptions, options: Options) -> Policy | None:
+    return Threshold(selection.threshold_share) if selection.num_views is None else None
 
 
-def _spacing(how: SelectionOptions, options: Options) -> Policy | None:
-    return None if how.spacing_m is None or how.num_views is not None else Spacing(how.spacing_m)
+def _spacing(selection: SelectionOptions, options: Options) -> Policy | None:
+    return (
+        None
+        if selection.spacing_m is None or selection.num_views is not None
+        else Spacing(selection.spacing_m)
+    )
 
 
 POLICIES: Mapping[PolicyName, PolicyKind] = {
@@ -103,44 +114,41 @@ POLICIES: Mapping[PolicyName, PolicyKind] = {
 
 
 def create_policy(
-    how: SelectionOptions, options: Options = DEFAULT, *, path: CandidatePath | None = None
+    selection: SelectionOptions, options: Options = DEFAULT, *, path: CandidatePath | None = None
 ) -> Policy:
     """Return a policy, ready to observe the first frame.
 
     Args:
-        how: Which policy, and by what it goes.
+        selection: Which policy, and by what it goes.
         options: How views are built and shown.
         path: All candidates, where they are known: policies that need the whole path choose now.
 
     Raises:
         NeedsWholePath: The policy needs the whole path, which is not given.
-        ValueError: A number of views or a spacing is missing.
+        ValueError: There are fewer candidates than views are asked for.
     """
-    kind = POLICIES[how.policy]
-    policy = None if kind.create is None else kind.create(how, options)
+    kind = POLICIES[selection.policy]
+    policy = None if kind.create is None else kind.create(selection, options)
     if policy is not None:
         return policy
-    if how.num_views is None and not kind.all_frames:
-        other = " or a spacing" if how.policy == "plenoptic" else ""
-        raise ValueError(f"need a number of views{other} for the policy {how.policy}")
     if path is None or kind.choose is None:
-        raise NeedsWholePath(f"need the whole path for the policy {how.policy}")
-    count = len(path) if how.num_views is None else how.num_views
+        raise NeedsWholePath(f"need the whole path for the policy {selection.policy}")
+    count = len(path) if selection.num_views is None else selection.num_views
     if count > len(path):
         raise ValueError(f"need at least {count} candidates for {count} views, got {len(path)}")
     choose = kind.choose
-    if how.policy == "uniform":
-        choose = partial(choose_uniform, metres_per_rad=how.uniform_metres_per_rad)
-    rng = np.random.default_rng([how.seed, count])
-    return Chosen(dict.fromkeys(choose(path, count, rng), how.policy))
+    if selection.policy == "uniform":
+        choose = partial(choose_uniform, metres_per_rad=selection.uniform_metres_per_rad)
+    rng = np.random.default_rng([selection.seed, count])
+    return Chosen(dict.fromkeys(choose(path, count, rng), selection.policy))
 
 
 def select_from(
-    path: CandidatePath, how: SelectionOptions, options: Options = DEFAULT
+    path: CandidatePath, selection: SelectionOptions, options: Options = DEFAULT
 ) -> list[int]:
     """Return the numbers of the views that a policy chooses from a path, in its order.
 
     Raises:
         ValueError: What the policy goes by is missing.
     """
-    return walk(create_policy(how, options, path=path), path.candidates)
+    return walk(create_policy(selection, options, path=path), path.candidates)

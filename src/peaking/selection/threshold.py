@@ -24,7 +24,7 @@ class Threshold:
             ValueError: The threshold is not in 0…1.
         """
         if not 0 <= threshold_share < 1:
-            raise ValueError(f"need 0 <= threshold < 1, got {threshold_share}")
+            raise ValueError(f"need 0 <= threshold_share < 1, got {threshold_share}")
         self._threshold_share = threshold_share
         self._views: list[int] = []
         self._shares: list[float] = []

@@ -37,12 +37,12 @@ from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession
 from peaking.server.openapi import document
 from peaking.server.recordings import PlayedRecording
+from peaking.server.requests import id_in_path, read_body, read_json
 from peaking.server.responses import event_stream, json_response, problem
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
-MAX_JSON_BYTES = 1_000_000
 THUMBNAIL_PX = 240
 RETRY_AFTER_S = 2
 NO_CLIENT = "The web client is not built. Run: make client"
@@ -161,8 +161,8 @@ class _Handlers:
     # Sessions
 
     async def begin_session(self, request: Request) -> Response:
-        session_id = _id(request, "session")
-        new = await self._json(request, wire.NewSession)
+        session_id = id_in_path(request, "session")
+        new = await read_json(request, wire.NewSession)
         check_protocol(new.protocol, by="client")
         session, created = await run_in_threadpool(self.store.begin, session_id, new)
         if created:
@@ -171,7 +171,7 @@ class _Handlers:
 
     async def change_session(self, request: Request) -> Response:
         session = self._session(request)
-        change = await self._json(request, wire.SessionChange)
+        change = await read_json(request, wire.SessionChange)
         if change.name is not None:
             await run_in_threadpool(session.rename, change.name)
         if change.finished is not None:
@@ -205,8 +205,8 @@ class _Handlers:
 
     async def add_peaked(self, request: Request) -> Response:
         session = self._session(request)
-        _id(request, "batch")
-        told = await self._json(request, wire.PeakedSamples)
+        id_in_path(request, "batch")
+        told = await read_json(request, wire.PeakedSamples)
         await run_in_threadpool(session.add_peaked, told.samples)
         self._tell_summary(session)
         return Response(status_code=204)
@@ -215,8 +215,8 @@ class _Handlers:
 
     async def upload(self, request: Request) -> Response:
         session = self._session(request)
-        capture_id = _id(request, "capture")
-        body = await self._body(request, self.config.max_upload_bytes)
+        capture_id = id_in_path(request, "capture")
+        body = await read_body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
         upload = await run_in_threadpool(parse_upload, body)
@@ -235,14 +235,14 @@ class _Handlers:
 
     async def remove(self, request: Request) -> Response:
         session = self._session(request)
-        capture = await run_in_threadpool(session.remove_capture, _id(request, "capture"))
+        capture = await run_in_threadpool(session.remove_capture, id_in_path(request, "capture"))
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
         return json_response(capture)
 
     async def mpi(self, request: Request) -> Response:
         session = self._session(request)
-        capture = session.capture(_id(request, "capture"))
+        capture = session.capture(id_in_path(request, "capture"))
         if capture.state != "ready":
             raise HTTPException(404, "There is no MPI of this capture yet.")
         version = request.path_params.get("version", 1)
@@ -252,11 +252,11 @@ class _Handlers:
 
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
-        return _file(session.photo_path(_id(request, "capture")), "image/jpeg")
+        return _file(session.photo_path(id_in_path(request, "capture")), "image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
-        capture = session.capture(_id(request, "capture"))
+        capture = session.capture(id_in_path(request, "capture"))
         data = await run_in_threadpool(_thumbnail, session, capture)
         return Response(data, media_type="image/jpeg", headers=_LASTING)
 
@@ -302,38 +302,13 @@ class _Handlers:
         return [s.summary(live=self.hub.is_live(s.id)) for s in self.store.sessions()]
 
     def _session(self, request: Request) -> OpenSession:
-        return self.store.get(_id(request, "session"))
+        return self.store.get(id_in_path(request, "session"))
 
     def _recording(self, request: Request) -> PlayedRecording:
         recording = self.config.recordings.get(request.path_params["recording"])
         if recording is None:
             raise HTTPException(404, "This server has no recording of that name.")
         return recording
-
-    async def _json(self, request: Request, kind: type[T]) -> T:
-        body = await self._body(request, MAX_JSON_BYTES)
-        try:
-            return msgspec.json.decode(body, type=kind)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise BadUpload(f"The JSON of the request is not valid: {error}.") from error
-
-    async def _body(self, request: Request, max_bytes: int) -> bytes:
-        """Read a body, and stop as soon as it is too long."""
-        declared = request.headers.get("content-length", "0")
-        parts: list[bytes] = []
-        size = int(declared) if declared.isdigit() else 0
-        if size <= max_bytes:
-            size = 0
-            async for part in request.stream():
-                size += len(part)
-                if size > max_bytes:
-                    break
-                parts.append(part)
-        if size > max_bytes:
-            raise BadUpload(
-                f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"
-            )
-        return b"".join(parts)
 
 
 def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
@@ -436,14 +411,6 @@ def _handlers() -> Mapping[Any, Any]:
         return problem(500, "Something went wrong on the server. Its log has the details.")
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
-
-
-def _id(request: Request, name: str) -> str:
-    """Return an id of the path: one that cannot be is one that is not there."""
-    try:
-        return msgspec.convert(request.path_params[name], wire.Id)
-    except msgspec.ValidationError:
-        raise HTTPException(404, f"This is not a valid {name} id.") from None
 
 
 def _or_404(call: Callable[[int], T], index: int) -> T:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 from collections.abc import Generator
 
 from peaking.errors import OutputError, PeakingError
-
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+from peaking.output import NO_ROOM
 
 
 class DiskFull(PeakingError):
@@ -26,7 +24,7 @@ def room_explained() -> Generator[None, None, None]:
         yield
     except (OSError, OutputError) as error:
         cause = error if isinstance(error, OSError) else error.__cause__
-        if isinstance(cause, OSError) and cause.errno in _FULL:
+        if isinstance(cause, OSError) and cause.errno in NO_ROOM:
             raise DiskFull(
                 "The server's disk is full; nothing of this was kept there. Free some space: the "
                 "phone holds the capture until then."

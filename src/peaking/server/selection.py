@@ -44,23 +44,23 @@ def select_captures(
     ]
     path = CandidatePath(candidates, light_field.scene_depth_m(candidates))
     try:
-        how = SelectionOptions(
+        selection = SelectionOptions(
             policy=query.policy,
             num_views=query.views,
             threshold_share=query.threshold_share,
             spacing_m=query.spacing_m,
             seed=query.seed,
         )
-        policy = create_policy(how, options, path=path)
+        policy = create_policy(selection, options, path=path)
     except ValueError as error:
         raise BadUpload(f"These views cannot be chosen: {error}.", status=400) from error
     reasons: dict[int, str] = {}
     for candidate in candidates:
         decision = policy.observe(candidate)
         reasons[candidate.number] = decision.reason
-        reasons |= dict.fromkeys(decision.let_go, f"let go at view {candidate.number}")
+        reasons |= dict.fromkeys(decision.dropped, f"dropped at view {candidate.number}")
     last = policy.finish()
-    reasons |= dict.fromkeys(last.let_go, last.reason)
+    reasons |= dict.fromkeys(last.dropped, last.reason)
     kept = set(policy.views)
     return wire.Selection(
         policy=query.policy,

@@ -16,6 +16,7 @@ from typing import cast
 
 import msgspec
 
+from peaking import event_log
 from peaking.errors import StudyError
 from peaking.output import write_atomically
 from peaking.study.measures import measures_of
@@ -107,10 +108,7 @@ def erase_participant(
     record = _record(study, participant)
     with held(study):
         gone = msgspec.json.encode({"participant": participant, "at_s": clock()}) + b"\n"
-        with (study / ERASED).open("ab") as file:
-            file.write(gone)
-            file.flush()
-            os.fsync(file.fileno())
+        event_log.append(study / ERASED, gone, durably=True)
         for folder in [*session_folders(study, record), participant_folder(study, participant)]:
             shutil.rmtree(folder)
 

@@ -33,7 +33,7 @@ StepKey = Annotated[str, Meta(pattern=r"^[a-z0-9_]{1,30}(\.[a-z0-9_-]{1,50}){0,2
 """A step of the procedure (`procedure.py`): `consent`, `t1.capture`, `t2.ask.sus` …"""
 
 EventId = Annotated[str, Meta(pattern=r"^[0-9a-zA-Z-]{1,64}$")]
-"""Made by the phone, so that what is sent twice is kept once."""
+"""Made by the phone or the console, so that what is sent twice is kept once."""
 
 Who = Literal["participant", "experimenter"]
 
@@ -44,7 +44,7 @@ class Event(msgspec.Struct, frozen=True, tag_field="type"):
     at_s: float
 
 
-class ParticipantBegun(Event, frozen=True, tag="ParticipantBegun"):
+class ParticipantBegun(Event, frozen=True, omit_defaults=True, tag="ParticipantBegun"):
     """First line of every log."""
 
     version: int
@@ -54,6 +54,8 @@ class ParticipantBegun(Event, frozen=True, tag="ParticipantBegun"):
     trials: list[Trial]
     protocol_sha256: str
     """Of the protocol.toml that was served then."""
+    id: EventId | None = None
+    """None in logs of version 0.1.0, and in simulated ones."""
 
 
 class ConsentGiven(Event, frozen=True, tag="ConsentGiven"):
@@ -82,11 +84,13 @@ class StepFinished(Event, frozen=True, tag="StepFinished"):
     by: Who = "experimenter"
 
 
-class StepRepeated(Event, frozen=True, tag="StepRepeated"):
+class StepRepeated(Event, frozen=True, omit_defaults=True, tag="StepRepeated"):
     """A phase is done once more; what came from it before does not count."""
 
     step: StepKey
     reason: str
+    id: EventId | None = None
+    """Of the repetition: the same for all steps that are done again with the one asked for."""
 
 
 class DraftKept(Event, frozen=True, tag="DraftKept"):
@@ -112,10 +116,11 @@ class SessionLinked(Event, frozen=True, tag="SessionLinked"):
     session: str
 
 
-class NoteAdded(Event, frozen=True, tag="NoteAdded"):
+class NoteAdded(Event, frozen=True, omit_defaults=True, tag="NoteAdded"):
     """Something the experimenter wrote down."""
 
     text: str
+    id: EventId | None = None
 
 
 class ParticipantExcluded(Event, frozen=True, tag="ParticipantExcluded"):

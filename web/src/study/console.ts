@@ -4,16 +4,19 @@ import { Api, ApiError } from '../server/api';
 import { followEvents } from '../server/events';
 import { make } from '../ui/dom';
 import { percent } from '../ui/share_graph';
+import { Orders } from './orders';
 import {
   consoleStateSchema, newParticipantSchema, participantStateSchema, type ConsoleState,
-  type ParticipantLine, type StepLine, type TrialLine,
+  type ParticipantLine, type Reason, type StepLine, type TrialLine,
 } from './wire';
 
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
+const SILENT = 'The server does not answer; trying again.';
 const COLD = 'The server is warming up (about 30 s, first run only). Do not start a capture yet.';
 
 const api = new Api();
+const orders = new Orders({ onSilence: () => say(SILENT) });
 let state: ConsoleState | null = null;
 let warm = true;
 /** Made once: a code that is fetched anew with every news would flicker. */
@@ -71,8 +74,9 @@ function drawList(from: ConsoleState): void {
   const done = counting.filter((one) => one.state === 'done').length;
   const add = make('button', { className: 'add', type: 'button' }, 'Add participant');
   add.onclick = () => void whileDisabled(add, async () => {
-    const added = await api.ask('POST', `${CONSOLE}/participants`, newParticipantSchema);
-    location.hash = added.participant;
+    const added = await orders.give('participant', (id) =>
+      api.ask('PUT', `${CONSOLE}/participants/${id}`, newParticipantSchema));
+    if (added !== null) location.hash = added.participant;
   });
   const current = chosen(from)?.participant;
   const items = from.participants.map((one) => {
@@ -144,8 +148,8 @@ function now(one: ParticipantLine): HTMLElement {
   const waiting = step.state === 'waiting';
   const go = make('button', { className: 'primary', type: 'button', id: 'go' },
     `${waiting ? 'Start' : 'Stop'} ${step.label.toLowerCase()}`);
-  go.onclick = () => void order(
-    'PUT', `${stepPath(one, step)}/${waiting ? 'started' : 'finished'}`, undefined, go);
+  const path = `${stepPath(one, step)}/${waiting ? 'started' : 'finished'}`;
+  go.onclick = () => void order(path, () => path, undefined, go);
   return make('div', { className: `now ${step.state}` }, title, place, clock, go);
 }
 
@@ -193,7 +197,8 @@ function stepsOf(one: ParticipantLine): HTMLElement[] {
     again.onclick = () => {
       const text = prompt(`Repeat "${step.label}" and all later steps. Why? The reason is recorded.`)?.trim();
       if (text !== undefined && text !== '') {
-        void order('POST', `${stepPath(one, step)}/repetitions`, { text }, again);
+        const path = `${stepPath(one, step)}/repetitions`;
+        void order(path, (id) => `${path}/${id}`, { text }, again);
       }
     };
     const took = step.began_s != null && step.ended_s != null
@@ -213,13 +218,15 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
     const text = note.value.trim();
     if (text === '') return;
     note.value = '';
-    void order('POST', `${pathOf(one)}/notes`, { text }, keep);
+    const path = `${pathOf(one)}/notes`;
+    void order(`${path} ${text}`, (id) => `${path}/${id}`, { text }, keep);
   };
   const out = make('button', { type: 'button', className: 'small' }, 'Exclude from the study');
   out.onclick = () => {
     const text = prompt(`Exclude ${one.participant} from the analysis. Why? The reason is recorded.`)?.trim();
     if (text !== undefined && text !== '') {
-      void order('PUT', `${pathOf(one)}/excluded`, { text }, out);
+      const path = `${pathOf(one)}/excluded`;
+      void order(path, () => path, { text }, out);
     }
   };
   return make('div', { className: 'card' },
@@ -231,9 +238,11 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
 }
 
 async function order(
-  method: string, path: string, json: object | undefined, button: HTMLButtonElement,
+  what: string, address: (id: string) => string, json: Reason | undefined,
+  button: HTMLButtonElement,
 ): Promise<void> {
-  await whileDisabled(button, () => api.ask(method, CONSOLE + path, participantStateSchema, json));
+  await whileDisabled(button, () => orders.give(what, (id) =>
+    api.ask('PUT', CONSOLE + address(id), participantStateSchema, json)));
 }
 
 /** Pressed once is pressed once; what goes wrong is said at the top. */
@@ -244,11 +253,14 @@ async function whileDisabled(
   try {
     await work();
   } catch (error) {
-    const said = error instanceof ApiError ? error.problem : String(error);
-    elementOf('remarks').replaceChildren(make('p', { role: 'alert' }, said));
+    say(error instanceof ApiError ? error.problem : String(error));
   } finally {
     button.disabled = false;
   }
+}
+
+function say(said: string): void {
+  elementOf('remarks').replaceChildren(make('p', { role: 'alert' }, said));
 }
 
 function pathOf(one: ParticipantLine): string {

@@ -174,12 +174,12 @@ export interface ConsoleState {
   readonly participants: readonly ParticipantLine[];
 }
 
-/** PUT …/excluded, POST …/notes and POST …/steps/{step}/repetitions of the console. */
+/** PUT …/excluded, …/notes/{note} and …/steps/{step}/repetitions/{repetition} of the console. */
 export interface Reason {
   readonly text: string;
 }
 
-/** The answer to POST …/participants of the console. */
+/** The answer to PUT …/participants/{new} of the console, where `new` is the client's id. */
 export interface NewParticipant {
   readonly participant: string;
 }

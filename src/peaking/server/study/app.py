@@ -26,6 +26,7 @@ from peaking.errors import PeakingError
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
 from peaking.server.openapi import OPERATIONS, document
+from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
     event_stream,
     json_response,
@@ -45,7 +46,6 @@ from peaking.study.records import StepKey
 CONSOLE_COOKIE = "peaking_console"
 CONSOLE = ""
 """The console's topic; every other topic is a participant."""
-MAX_BYTES = 1_000_000
 COOKIE_AGE_S = 30 * 24 * 3600
 
 T = TypeVar("T")
@@ -150,10 +150,12 @@ class _Handlers:
     async def console_events(self, _: Request) -> Response:
         return event_stream(self.hub.stream(CONSOLE, self._console, live=True))
 
-    async def add(self, _: Request) -> Response:
-        participant = await run_in_threadpool(self.study.add)
+    async def add(self, request: Request) -> Response:
+        new_id = id_in_path(request, "new")
+        participant, created = await run_in_threadpool(self.study.add, new_id)
         self._tell_console()
-        return json_response(wire.NewParticipant(participant.pseudonym), status=201)
+        answer = wire.NewParticipant(participant.pseudonym)
+        return json_response(answer, status=201 if created else 200)
 
     async def start(self, request: Request) -> Response:
         step = _step(request)
@@ -164,12 +166,14 @@ class _Handlers:
         return await self._do(request, lambda who: who.stop(step, by="experimenter"))
 
     async def repeat(self, request: Request) -> Response:
-        step, reason = _step(request), await _json(request, wire.Reason)
-        return await self._do(request, lambda who: who.repeat(step, reason.text))
+        step, new_id = _step(request), id_in_path(request, "repetition")
+        reason = await _json(request, wire.Reason)
+        return await self._do(request, lambda who: who.repeat(step, reason.text, new_id=new_id))
 
     async def note(self, request: Request) -> Response:
+        new_id = id_in_path(request, "note")
         said = await _json(request, wire.Reason)
-        return await self._do(request, lambda who: who.note(said.text))
+        return await self._do(request, lambda who: who.note(said.text, new_id=new_id))
 
     async def exclude(self, request: Request) -> Response:
         said = await _json(request, wire.Reason)
@@ -279,15 +283,16 @@ def _participant_routes(handlers: _Handlers) -> list[Route]:
 
 def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
     participant = "/participants/{participant}"
+    step = participant + "/steps/{step}"
     app = Starlette(
         routes=[
             Route("/pair", handlers.pair, methods=["POST"]),
             Route("/events", handlers.console_events, methods=["GET"]),
-            Route("/participants", handlers.add, methods=["POST"]),
-            Route(participant + "/steps/{step}/started", handlers.start, methods=["PUT"]),
-            Route(participant + "/steps/{step}/finished", handlers.stop, methods=["PUT"]),
-            Route(participant + "/steps/{step}/repetitions", handlers.repeat, methods=["POST"]),
-            Route(participant + "/notes", handlers.note, methods=["POST"]),
+            Route("/participants/{new}", handlers.add, methods=["PUT"]),
+            Route(step + "/started", handlers.start, methods=["PUT"]),
+            Route(step + "/finished", handlers.stop, methods=["PUT"]),
+            Route(step + "/repetitions/{repetition}", handlers.repeat, methods=["PUT"]),
+            Route(participant + "/notes/{note}", handlers.note, methods=["PUT"]),
             Route(participant + "/excluded", handlers.exclude, methods=["PUT"]),
             Route(participant + "/qr.svg", handlers.qr, methods=["GET"]),
         ],
@@ -340,13 +345,4 @@ def _step(request: Request) -> str:
 
 
 async def _json(request: Request, kind: type[T]) -> T:
-    body = b""
-    async for part in request.stream():
-        body += part
-        if len(body) > MAX_BYTES:
-            sentence = f"The request has more than {MAX_BYTES:,} bytes."
-            raise BadUpload(sentence, status=413, kind="too-large")
-    try:
-        return msgspec.json.decode(body, type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise BadUpload(f"The JSON of the request is not valid: {error}.", status=400) from error
+    return await read_json(request, kind, status=400)

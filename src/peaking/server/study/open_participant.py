@@ -6,6 +6,7 @@ import hashlib
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from peaking.errors import PeakingError, StudyError
 from peaking.server.study import wire
@@ -21,6 +22,8 @@ from peaking.study.procedure import (
 from peaking.study.protocol import FILE_NAME, Protocol
 from peaking.study.questionnaires import Answer, problems
 from peaking.study.records import AnyEvent, ParticipantRecord, record_of
+
+E = TypeVar("E", bound=records.Event)
 
 
 class NotNow(PeakingError):
@@ -64,11 +67,14 @@ class OpenParticipant:
         return record_of(self.events)
 
     @property
+    def id(self) -> str | None:
+        """Made by the console that added this participant; logs of before have none."""
+        return self._begun.id
+
+    @property
     def protocol_sha256(self) -> str:
         """Digest of the protocol under which this participant began."""
-        begun = self.events[0]
-        assert isinstance(begun, records.ParticipantBegun)
-        return begun.protocol_sha256
+        return self._begun.protocol_sha256
 
     @property
     def current(self) -> tuple[Step, StepState] | None:
@@ -131,24 +137,33 @@ class OpenParticipant:
                 raise NotNow("The participant answers this on the phone.")
             self._append(records.StepFinished(self._clock(), step=step, by=by))
 
-    def repeat(self, step: str, reason: str) -> None:
-        """Do a step again, and all that were begun after it.
+    def repeat(self, step: str, reason: str, *, new_id: str) -> None:
+        """Do a step again, and all that were begun after it; the same id again does nothing.
 
         Raises:
             NotNow: It has not been done yet.
         """
         with self.lock:
             self._step(step)
+            if (new_id, step) in [(e.id, e.step) for e in self._events_of(records.StepRepeated)]:
+                return
             again = repeated_with(self.steps, step, self.events)
             if not again:
                 raise NotNow("This part has not been done yet.")
             at_s = self._clock()
-            self._append(*[records.StepRepeated(at_s, step=key, reason=reason) for key in again])
+            # The step itself comes last: if a power cut keeps only some, the rest is done when the
+            # console sends it again.
+            for_each = [
+                records.StepRepeated(at_s, step=key, reason=reason, id=new_id)
+                for key in reversed(again)
+            ]
+            self._append(*for_each)
 
-    def note(self, text: str) -> None:
-        """Keep a note of the experimenter."""
+    def note(self, text: str, *, new_id: str) -> None:
+        """Keep a note of the experimenter; the same id again does nothing."""
         with self.lock:
-            self._append(records.NoteAdded(self._clock(), text=text))
+            if new_id not in [e.id for e in self._events_of(records.NoteAdded)]:
+                self._append(records.NoteAdded(self._clock(), text=text, id=new_id))
 
     def exclude(self, reason: str) -> None:
         """Let the participant not count, once; their place in the design is given again."""
@@ -275,6 +290,15 @@ class OpenParticipant:
             return step in keys and self.states[keys.index(step)] == "done"
 
     # Inside
+
+    @property
+    def _begun(self) -> records.ParticipantBegun:
+        begun = self.events[0]
+        assert isinstance(begun, records.ParticipantBegun)
+        return begun
+
+    def _events_of(self, kind: type[E]) -> list[E]:
+        return [event for event in self.events if isinstance(event, kind)]
 
     def _repeated_since(self, session: str) -> set[str]:
         """Return the steps that were repeated after a capture session was begun."""

@@ -69,9 +69,19 @@ class OpenStudy:
                 raise UnknownParticipant("There is no such participant in this study.")
             return self.participants[pseudonym]
 
-    def add(self) -> OpenParticipant:
-        """Begin a participant: the next pseudonym, and the first free place in the design."""
+    def add(self, new_id: str) -> tuple[OpenParticipant, bool]:
+        """Begin a participant: the next pseudonym, and the first free place in the design.
+
+        Args:
+            new_id: Made by the console. The same id is the same participant.
+
+        Returns:
+            The participant, and whether they are new.
+        """
         with self._lock:
+            for known in self.participants.values():
+                if known.id == new_id:
+                    return known, False
             number = 1 + max(
                 (int(p[1:]) for p in [*self.participants, *erased(self.folder)]), default=0
             )
@@ -85,11 +95,12 @@ class OpenStudy:
                 row=row,
                 trials=trials_of(self.protocol, row),
                 protocol_sha256=self._digest,
+                id=new_id,
             )
             records.participant_folder(self.folder, pseudonym).mkdir(parents=True, exist_ok=True)
             records.log_of(self.folder, pseudonym).append(begun)
             self.participants[pseudonym] = self._open(pseudonym)
-            return self.participants[pseudonym]
+            return self.participants[pseudonym], True
 
     def _open(self, pseudonym: str) -> OpenParticipant:
         return OpenParticipant(self.folder, pseudonym, protocol=self.protocol, clock=self._clock)

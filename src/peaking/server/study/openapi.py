@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 from peaking.server.openapi import Operation
 from peaking.server.study import wire
@@ -18,10 +18,8 @@ def _participant(method: str, path: str, summary: str, body: Any = None, **more:
     return Operation(method, path, summary, wire.ParticipantState, body, **more)
 
 
-def _console(
-    method: Literal["put", "post"], path: str, summary: str, body: Any = None
-) -> Operation:
-    return Operation(method, path, summary, wire.ParticipantState, body, token="console")
+def _console(path: str, summary: str, body: Any = None) -> Operation:
+    return Operation("put", path, summary, wire.ParticipantState, body, token="console")
 
 
 STUDY_OPERATIONS = (
@@ -60,18 +58,18 @@ STUDY_OPERATIONS = (
         token="console",
     ),
     Operation(
-        "post",
-        _CONSOLE + "/participants",
+        "put",
+        _CONSOLE + "/participants/{new}",
         "Add a participant",
         wire.NewParticipant,
         status=201,
         token="console",
     ),
-    _console("put", _THEIR_STEP + "/started", "Start a part"),
-    _console("put", _THEIR_STEP + "/finished", "Stop a part"),
-    _console("post", _THEIR_STEP + "/repetitions", "Repeat a part", wire.Reason),
-    _console("post", _THEIR + "/notes", "Add a note", wire.Reason),
-    _console("put", _THEIR + "/excluded", "Exclude from the analysis", wire.Reason),
+    _console(_THEIR_STEP + "/started", "Start a part"),
+    _console(_THEIR_STEP + "/finished", "Stop a part"),
+    _console(_THEIR_STEP + "/repetitions/{repetition}", "Repeat a part", wire.Reason),
+    _console(_THEIR + "/notes/{note}", "Add a note", wire.Reason),
+    _console(_THEIR + "/excluded", "Exclude from the analysis", wire.Reason),
     Operation(
         "get",
         _THEIR + "/qr.svg",

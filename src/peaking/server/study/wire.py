@@ -209,13 +209,13 @@ class ConsoleState(Struct, frozen=True, tag="ConsoleState"):
 
 
 class Reason(Struct, frozen=True):
-    """PUT …/excluded, POST …/notes and POST …/steps/{step}/repetitions of the console."""
+    """PUT …/excluded, …/notes/{note} and …/steps/{step}/repetitions/{repetition} of the console."""
 
     text: Annotated[str, Meta(min_length=1, max_length=2000)]
 
 
 class NewParticipant(Struct, frozen=True):
-    """The answer to POST …/participants of the console."""
+    """The answer to PUT …/participants/{new} of the console, where `new` is the client's id."""
 
     participant: str
 
