@@ -2,8 +2,8 @@
 
 .venv/bin/python scripts/time_depth_runtimes.py --rounds 15 [--model FOLDER]
 
-Without a model, Depth Anything V2 Small with drawn weights: the arithmetic is that of trained ones.
-Needs the extra openvino.
+Without a model, Depth Anything V2 Small of random weights: the arithmetic is the same as of trained
+ones. Needs the extra openvino.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ SIZES_PX = ((294, 639), (518, 518))
 LAYOUT = "default layout"
 
 
-def drawn_small(folder: Path) -> Path:
-    """Write a Small with drawn weights."""
+def random_small(folder: Path) -> Path:
+    """Write a Small with random weights."""
     backbone = Dinov2Config(
         hidden_size=384,
         num_attention_heads=6,
@@ -74,7 +74,7 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["PEAKING_CHECKPOINTS"] = scratch
-        model = arguments.model or drawn_small(Path(scratch) / "small")
+        model = arguments.model or random_small(Path(scratch) / "small")
         ways = {LAYOUT: in_default_layout(model)}
         ways |= {
             runtime: HubDepth.load(model, runtime=runtime)

@@ -13,7 +13,7 @@ from peaking.errors import PeakingError
 from peaking.generators.adampi.chunked import Chunks, forward_in_chunks
 from peaking.generators.adampi.cpu import (
     add_taps,
-    conv_of_doubled,
+    conv_upsampled,
     doubling_taps,
     forward_on_cpu,
     shared_taps,
@@ -87,7 +87,7 @@ def test_a_convolution_of_what_was_doubled_in_size() -> None:
     conv = nn.Conv2d(3, 6, 3, padding=1, padding_mode="reflect").double()
     conv.bias = nn.Parameter(bias)
     expected = conv(functional.interpolate(x, scale_factor=2, mode="nearest"))
-    made = conv_of_doubled(x, doubling_taps(conv.weight), bias)
+    made = conv_upsampled(x, doubling_taps(conv.weight), bias)
     torch.testing.assert_close(made, expected)
 
 

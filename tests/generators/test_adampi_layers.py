@@ -15,11 +15,11 @@ from peaking.generators.adampi.layers import (
     LAST_DELTA,
     Planes,
     in_order,
-    mpi_of,
     opacity,
     planes_of,
     ray_lengths,
     rounded,
+    to_mpi,
     transmittance,
     with_picture,
 )
@@ -91,7 +91,7 @@ def test_the_picture_is_on_every_plane_where_it_is_seen() -> None:
 def test_opacity_does_not_change_when_planes_become_metric() -> None:
     planes = drawn_planes(0)
     near, far = (
-        mpi_of(planes, CAMERA, disparity_range_per_m=r, alpha_cut=0.0, generator="test")
+        to_mpi(planes, CAMERA, disparity_range_per_m=r, alpha_cut=0.0, generator="test")
         for r in ((0.5, 2.0), (0.05, 0.2))
     )
     np.testing.assert_array_equal(near.texels, far.texels)
@@ -100,7 +100,7 @@ def test_opacity_does_not_change_when_planes_become_metric() -> None:
 
 def test_planes_become_metric_by_scale_and_shift() -> None:
     planes = Planes(torch.tensor([0.0, 0.5, 1.0]), torch.ones(3, 3, 80, 96), torch.ones(3, 80, 96))
-    mpi = mpi_of(planes, CAMERA, disparity_range_per_m=(0.5, 2.0), alpha_cut=0.0, generator="test")
+    mpi = to_mpi(planes, CAMERA, disparity_range_per_m=(0.5, 2.0), alpha_cut=0.0, generator="test")
     np.testing.assert_allclose(mpi.plane_depths_m, [2.0, 0.8, 0.5])
 
 
@@ -156,7 +156,7 @@ def drawn_planes(seed: int) -> Planes:
 
 
 def network_planes() -> Planes:
-    """Return what a network with drawn weights says of a drawn picture."""
+    """Return what a network with random weights says of a drawn picture."""
     generator = torch.Generator().manual_seed(7)
     coarse = torch.rand(1, 4, 5, 6, generator=generator)
     picture = functional.interpolate(coarse, size=(128, 128), mode="bilinear")
@@ -186,7 +186,7 @@ def dense_view(planes: Planes, mpi: Mpi, camera: Camera) -> Float64[np.ndarray, 
 @pytest.mark.parametrize("moved_m", [0.0, 0.05])
 def test_cutting_and_rounding_cost_little(made_by: str, moved_m: float) -> None:
     planes = network_planes() if made_by == "network" else drawn_planes(3)
-    mpi = mpi_of(
+    mpi = to_mpi(
         planes,
         CAMERA,
         disparity_range_per_m=(0.3, 1.5),

@@ -26,8 +26,8 @@ def test_layered_is_a_generator() -> None:
 
 
 def test_a_pixel_is_split_between_the_planes_around_it() -> None:
-    ladder = np.array([0.5, 1.0, 2.0])
-    behind, opacity = split(np.array([[0.4, 0.5, 0.6, 1.0, 1.75, 2.0, 3.0]]), ladder)
+    disparities = np.array([0.5, 1.0, 2.0])
+    behind, opacity = split(np.array([[0.4, 0.5, 0.6, 1.0, 1.75, 2.0, 3.0]]), disparities)
     np.testing.assert_array_equal(behind, [[0, 0, 0, 1, 1, 1, 1]])
     np.testing.assert_array_equal(opacity, [[0, 0, 51, 0, 191, 255, 255]])
 

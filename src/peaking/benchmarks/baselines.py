@@ -1,4 +1,4 @@
-"""Two plain ways to a new view from the same picture and depth, as peers of a multi-plane image.
+"""Two simple ways to render a new view from a picture with depth, to compare MPIs with.
 
 `splat` draws every pixel as a point; `mesh` joins the pixels to a textured surface that is cut at
 depth edges. Both are given what makes them good: they are what a method has to beat.

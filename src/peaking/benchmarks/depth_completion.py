@@ -1,7 +1,7 @@
 """How good is completed depth, against plain upsampling of the same sensor depth?
 
-A recording with depth at the size of its pictures is the truth where it is known. From it the
-depth that a phone would give is made: 160 samples on the longer side, edges mixed, noise that
+A recording with depth at the size of its pictures is the truth where it is known. From it, the
+depth of a phone is simulated: 160 samples on the longer side, edges mixed, noise that
 grows with the square of the distance, holes. Recordings that bring phone-like and exact depth
 (`exact_depth_file_path`, as the sample scene does) are taken as they are.
 """

@@ -1,7 +1,8 @@
 """How long generators take for one picture, and how much memory: `peaking bench generators`.
 
-The network's weights are drawn: the arithmetic, and so the time, is that of trained ones. Every way
-of running it is a process of its own, so that its peak of memory is its own; the ways take turns.
+The network's weights are random: the arithmetic, and so the time, is that of trained ones. Every
+way of running it is a process of its own, so that its peak of memory is its own; the ways take
+turns.
 """
 
 # PyTorch is typed only in part.

@@ -1,4 +1,4 @@
-"""A phone without a screen: uploads captures over HTTP and hears when their MPIs are ready."""
+"""A simulated phone: uploads captures over HTTP and is told when their MPIs are ready."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time functions in turn, so that what else the machine does falls on all of them alike."""
+"""Time functions in turn, so that other load on the machine affects all of them alike."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the stages are measured against: others' usual ways, and the limit of the memory."""
+"""What the stages are compared with: common implementations, and memory bandwidth."""
 
 # Functions that numba compiles have no types.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false

@@ -1,8 +1,8 @@
 """How good is a view made from one picture with depth, 5, 10 and 20 cm away from it?
 
 From a recording with depth, pairs of views are chosen; every method gets the first picture with its
-completed depth and draws the second one's view, and the drawing is compared with the photograph.
-`layered` is measured against the peers of `baselines.py`.
+completed depth and renders the second view, and the rendering is compared with the photograph.
+`layered` is compared with the methods of `baselines.py`.
 """
 
 from __future__ import annotations

@@ -125,21 +125,21 @@ def run(
         field.compare(small.rgb, small.camera)
 
     def render_one(n: int) -> object:
-        """Render one of the three views that `see_three` renders together, each in its turn."""
+        """Render one of the three views that `compare_three` renders together, each in its turn."""
         k = n % len(frames)
         views = fields["default"][k].light_field.mpis
         return render(views[(n // len(frames)) % len(views)], frames[k].later.camera)
 
     candidates = [
-        Candidate("align", lambda n: align_scale(mpis[n % len(mpis)], _depth(pick(n).frame))),
+        Candidate("align_scale", lambda n: align_scale(mpis[n % len(mpis)], _depth(pick(n).frame))),
         Candidate("complete", lambda n: complete(_depth(pick(n).frame), pick(n).frame.rgb)),
         Candidate("layers", layers),
         Candidate("generate", make_next),
         Candidate("encode", lambda _: mpi_file.encode(latest[0])),
         Candidate("decode", lambda n: mpi_file.decode(files[n % len(files)])),
         Candidate("render_one", render_one),
-        Candidate("see_three", lambda n: _see(fields["default"], frames, n)),
-        Candidate("see_three_paper", lambda n: _see(fields["paper"], frames, n)),
+        Candidate("compare_three", lambda n: _compare(fields["default"], frames, n)),
+        Candidate("compare_three_paper", lambda n: _compare(fields["paper"], frames, n)),
         Candidate("replay_frame", replay_frame),
     ]
     if with_peers:
@@ -177,7 +177,7 @@ def _depth(frame: Frame) -> np.ndarray:
     return frame.depth_m
 
 
-def _see(fields: Sequence[Reconstruction], frames: Sequence[Sample], n: int) -> object:
+def _compare(fields: Sequence[Reconstruction], frames: Sequence[Sample], n: int) -> object:
     k = n % len(frames)
     later = frames[k].later
     return fields[k].compare(later.rgb, later.camera)
@@ -201,8 +201,8 @@ def _add_ratios(results: dict[str, Result]) -> None:
         "layers": ("dav2_small_forward",),
         "render_one": ("torch_layer_loop",),
         "encode": ("generate",),
-        "see_three": ("render_one", "torch_layer_loop"),
-        "see_three_paper": ("render_one", "torch_layer_loop"),
+        "compare_three": ("render_one", "torch_layer_loop"),
+        "compare_three_paper": ("render_one", "torch_layer_loop"),
     }
     for name, peers in against.items():
         for peer in peers:
@@ -222,7 +222,7 @@ def _add_sizes(results: dict[str, Result], mpis: Sequence[Mpi], files: Sequence[
     view_bytes = PAPER_SIZE_PX[0] * PAPER_SIZE_PX[1] * 5 * 4
     for name, touched in (
         ("render_one", atlas_bytes + view_bytes),
-        ("see_three", 3 * (atlas_bytes + 2 * view_bytes) + 2 * view_bytes),
+        ("compare_three", 3 * (atlas_bytes + 2 * view_bytes) + 2 * view_bytes),
     ):
         floor_ms = touched / per_ms
         results[name].bytes = touched

@@ -1,6 +1,6 @@
 """From one picture with depth at every pixel to a multi-plane image.
 
-`layered` needs no weights and is the default; others (learned ones) follow the same protocol.
+`layered` needs no checkpoint and is the default; others (learned ones) follow the same protocol.
 """
 
 from __future__ import annotations

@@ -27,29 +27,29 @@ NOWHERE = -(1 << 17)
 
 
 @nb.njit(cache=True)
-def packed_split(d, ladder):
-    """Return the split of one disparity on the ascending ladder."""
-    last = ladder.shape[0] - 1
-    if d <= ladder[0]:
+def packed_split(d, disparities):
+    """Return the split of one disparity between the ascending disparities of the planes."""
+    last = disparities.shape[0] - 1
+    if d <= disparities[0]:
         return I32(0)
-    if d >= ladder[last]:
+    if d >= disparities[last]:
         return I32(((last - 1) << 16) | 255)
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) >> 1
-        if ladder[middle] <= d:
+        if disparities[middle] <= d:
             low = middle
         else:
             high = middle
-    part = (d - ladder[low]) / (ladder[low + 1] - ladder[low])
+    part = (d - disparities[low]) / (disparities[low + 1] - disparities[low])
     return I32((low << 16) | int(part * F(255.0) + F(0.5)))
 
 
 @nb.njit(cache=True, parallel=True)
-def split_pixels(disparity, ladder, per_step, behind, opacity):
+def split_pixels(disparity, disparities, per_step, behind, opacity):
     """Write for every pixel the plane behind it and the opacity of the plane before."""
     height, width = disparity.shape
-    last = ladder.shape[0] - 2
+    last = disparities.shape[0] - 2
     for y in nb.prange(height):
         row = disparity[y]
         plane = np.empty(width, np.int32)
@@ -60,16 +60,16 @@ def split_pixels(disparity, ladder, per_step, behind, opacity):
             for d in block:
                 least, most = min(least, d), max(most, d)
             below = 0
-            while below < last and ladder[below + 1] <= least:
+            while below < last and disparities[below + 1] <= least:
                 below += 1
             planes[:] = below
-            while below < last and ladder[below + 1] <= most:
+            while below < last and disparities[below + 1] <= most:
                 below += 1
                 for x in range(block.shape[0]):
-                    planes[x] += I32(block[x] >= ladder[below])
+                    planes[x] += I32(block[x] >= disparities[below])
         for x in range(width):
             k = plane[x]
-            part = (row[x] - ladder[k]) * per_step[k]
+            part = (row[x] - disparities[k]) * per_step[k]
             part = min(max(part, F(0.0)), F(1.0))
             behind[y, x] = k
             opacity[y, x] = np.uint8(part * F(255.0) + F(0.5))

@@ -1,4 +1,4 @@
-"""The number of views over the distance of the eyes, factor by factor, as a file of SVG."""
+"""The chart of the number of views by viewing distance, one line per factor, as SVG."""
 
 from __future__ import annotations
 

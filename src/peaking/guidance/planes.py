@@ -1,4 +1,4 @@
-"""Views on several parallel planes, so that one may also step forward and back.
+"""Views on several parallel planes, so that the user may also step forward and back.
 
 The paper names 2D planes as one of the usual annotations and gives no spacing for them. Within a
 plane ours is the plenoptic one. Between planes, a step of Δz moves a pixel at the edge of the

@@ -1,4 +1,4 @@
-"""The scan before the first view: the least depth of the scene, z_min, while one looks around.
+"""The scan before the first view finds the least depth, z_min, while the user looks around.
 
 One wrong pixel that is too near would ask for too many views, so a depth counts only when enough
 pixels of enough frames are as near.

@@ -1,10 +1,10 @@
-"""What a person can see of an error: the bound extended by screen, eye and motion.
+"""Which errors a person can see: the bound extended by screen, eye and motion.
 
 The paper names what plenoptic sampling leaves out: the pixels of the screen, the distance of the
 eyes, and the motion of the user. Each has a finest detail that it lets through; measured on the
 screen, the coarsest of them is the finest detail that counts, and it takes the place of the one
-pixel of the bound (`PlenopticBound.detail_px`). docs/plenoptic.md derives it and says which part
-has support in the literature.
+pixel of the bound (`PlenopticBound.detail_px`). docs/plenoptic.md derives it and says which parts
+the literature supports.
 """
 
 from __future__ import annotations

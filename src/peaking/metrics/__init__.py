@@ -1,1 +1,1 @@
-"""How near a rendered picture is to a photograph: PSNR, SSIM, FLIP and LPIPS, one file each."""
+"""How close a rendered picture is to a photograph: PSNR, SSIM, FLIP and LPIPS, one file each."""

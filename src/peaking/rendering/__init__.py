@@ -1,7 +1,7 @@
 """Render one MPI from a camera: warp every plane by its homography, composite, near over far.
 
-`_numpy.py` is the method in float64; `_numba.py` is the same, fast, on the CPU. They never stand
-in for each other in silence.
+`_numpy.py` is the method in float64; `_numba.py` is the same, fast, on the CPU. Neither is
+used in place of the other without being asked for.
 """
 
 # Functions that numba compiles have no types.

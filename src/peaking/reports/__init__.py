@@ -1,1 +1,1 @@
-"""What reports share: parts of pages, scales of charts. A report lies beside what it reports on."""
+"""What reports share: parts of pages, scales of charts. The reports are beside what they report."""

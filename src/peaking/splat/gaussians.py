@@ -46,11 +46,6 @@ class Gaussians:
         return len(self.means_m)
 
     @property
-    def scales_m(self) -> Float32[np.ndarray, "n 3"]:
-        """Standard deviations along the own axes."""
-        return np.exp(self.log_scales)
-
-    @property
     def opacities(self) -> Float32[np.ndarray, "n"]:
         """Opacity of the centre, 0…1."""
         return (1 / (1 + np.exp(-self.opacity_logits.astype(np.float64)))).astype(np.float32)

@@ -156,7 +156,7 @@ def doubling_taps(weight: Weights) -> Float[Tensor, "2 2 out c 2 2"]:
     )
 
 
-def conv_of_doubled(
+def conv_upsampled(
     x: Float[Tensor, "b c h w"], kernels: Float[Tensor, "2 2 out c 2 2"], bias: Bias
 ) -> Float[Tensor, "b out h2 w2"]:
     """Return a 3×3 convolution (reflected at the rim) of `x` doubled in size."""
@@ -207,7 +207,7 @@ class CpuDecoder:
                 first = self._first[i]
                 x = first.gate(_reflected(x, first.weight, first.bias))
             second, taps = self._second[i], self._taps[i]
-            both = conv_of_doubled(x, self._doubling[i], second.bias)
+            both = conv_upsampled(x, self._doubling[i], second.bias)
             if taps is not None:
                 both += self._masked(taps, masks, second.weight, None)
             x = second.gate(both)

@@ -1,4 +1,4 @@
-"""The `adampi` generator: AdaMPI with the weights of a checkpoint that the user brings."""
+"""The `adampi` generator: AdaMPI with a checkpoint that the user supplies."""
 
 # PyTorch is typed only in part.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -17,7 +17,7 @@ from peaking.generators.adampi.checkpoint import Checkpoint, read_checkpoint
 from peaking.generators.adampi.chunked import Chunks, forward_in_chunks
 from peaking.generators.adampi.cpu import forward_on_cpu
 from peaking.generators.adampi.inputs import inputs_of
-from peaking.generators.adampi.layers import mpi_of, planes_of
+from peaking.generators.adampi.layers import planes_of, to_mpi
 from peaking.generators.adampi.network import Layers
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
@@ -113,7 +113,7 @@ class AdaMpi:
             layers = self._forward(picture[None].contiguous(), disparity[None, None])
             cropped = Layers(layers.disparities, layers.colour_density[..., :height, :width])
             planes = planes_of(cropped, picture[:, :height, :width], camera.pinhole)
-            return mpi_of(
+            return to_mpi(
                 planes,
                 camera,
                 disparity_range_per_m=shown.range_per_m,

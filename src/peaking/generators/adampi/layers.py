@@ -140,7 +140,7 @@ def rounded(planes: Planes, *, alpha_cut: float) -> UInt8[Tensor, "planes h w 4"
     return result
 
 
-def mpi_of(
+def to_mpi(
     planes: Planes,
     camera: Camera,
     *,

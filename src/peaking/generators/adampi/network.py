@@ -34,14 +34,14 @@ from peaking.generators.adampi.plane_adjustment import (
     per_plane,
 )
 
-DRAWN_GAIN = 1.2
-"""Of drawn weights: the picture makes a difference, and rounding errors do not grow."""
+RANDOM_GAIN = 1.2
+"""Of random weights: the picture makes a difference, and rounding errors do not grow."""
 
-DRAWN_CONTRAST = 8.0
-"""Of the head of drawn networks, so that pixels and planes differ."""
+RANDOM_CONTRAST = 8.0
+"""Of the head of random networks, so that pixels and planes differ."""
 
 OPAQUE = 4.0
-"""Bias of the density of drawn networks: their planes are opaque together, as trained ones are."""
+"""Bias of the density of random networks: their planes are opaque together, as trained ones are."""
 
 
 class Layers(NamedTuple):
@@ -107,7 +107,7 @@ def need_legal_size(rgb: Float[Tensor, "1 3 h w"]) -> None:
 
 
 def random_network(seed: int) -> AdaMpiNetwork:
-    """Return a network whose weights and statistics are drawn: for tests and for timing.
+    """Return a network whose weights and statistics are random: for tests and for timing.
 
     Takes and restores the state of PyTorch's own generator, from which its initialisers draw.
     """
@@ -123,11 +123,11 @@ def random_network(seed: int) -> AdaMpiNetwork:
                 nn.init.uniform_(module.running_mean, -0.2, 0.2)
                 nn.init.uniform_(module.running_var, 0.5, 1.0)
             elif isinstance(module, nn.Conv2d):
-                nn.init.normal_(module.weight, 0.0, DRAWN_GAIN / module.weight[0].numel() ** 0.5)
+                nn.init.normal_(module.weight, 0.0, RANDOM_GAIN / module.weight[0].numel() ** 0.5)
         head = network.decoder.convs[key_of("dispconv", 0)]
         assert isinstance(head, GatedConv)
         with torch.no_grad():
-            head.conv2d.weight *= DRAWN_CONTRAST
+            head.conv2d.weight *= RANDOM_CONTRAST
         for bias in (head.conv2d.bias, head.mask_conv2d.bias):
             assert bias is not None
             nn.init.constant_(bias[3], OPAQUE)
