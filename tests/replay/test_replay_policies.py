@@ -55,3 +55,17 @@ def test_without_a_number_of_views_it_says_what_is_needed(
     assert ended.value.code == 2
     assert "need a number of views for the policy uniform" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("policy", ["peaking", "uniform", "threshold"])
+def test_more_views_than_frames_are_refused_before_the_walk(
+    walked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], policy: str
+) -> None:
+    asked = ["--policy", policy, "--views", "6", "--max-frames", "5"]
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(walked), "--out", str(tmp_path / "o"), *asked, *SMALL])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert "leaves 5 frames to choose from, and 6 views were asked for" in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "o").exists()

@@ -197,7 +197,7 @@ def test_without_a_number_of_views_it_is_said(name: PolicyName) -> None:
         create_policy(SelectionOptions(name))
 
 
-@pytest.mark.parametrize("bad", [{"num_views": 0}, {"threshold_share": 1.0}], ids=str)
+@pytest.mark.parametrize("bad", [{"num_views": 0}, {"seed": -1}, {"threshold_share": 1.0}], ids=str)
 def test_impossible_selections_are_refused(bad: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="need"):
         SelectionOptions(**bad)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from peaking.commands.arguments import ArgumentError, checked_arguments
+from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 
@@ -83,7 +83,6 @@ class Replay:
         if not self.no_video:
             find_h264_encoder()
         recording = open_recording(self.scene)
-        self._check_policy(len(recording))
         with checked_arguments():
             guide = None
             if self.guide is not None:
@@ -133,9 +132,3 @@ class Replay:
             )
         print(f"captured views: {self.out / 'captured'}")
         print(f"report: {(self.out / 'report.html').resolve()}")
-
-    def _check_policy(self, num_frames: int) -> None:
-        if self.views is not None and self.views > num_frames:
-            raise ArgumentError(
-                f"need --views of at most {num_frames}, the frames there are, got {self.views}"
-            )

@@ -47,6 +47,8 @@ class SelectionOptions:
             raise ValueError(f"need 0 <= threshold_share < 1, got {self.threshold_share}")
         if self.num_views is not None and self.num_views < 1:
             raise ValueError(f"need num_views >= 1, got {self.num_views}")
+        if self.seed < 0:
+            raise ValueError(f"need seed >= 0, got {self.seed}")
         kind = POLICIES[self.policy]
         alone = kind.all_frames or (kind.create is not None and kind.create(self, DEFAULT))
         if self.num_views is None and not alone:
