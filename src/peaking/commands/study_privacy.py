@@ -34,7 +34,7 @@ class Export:
 
 @dataclass(frozen=True)
 class Erase:
-    """Delete all data of a participant, photos included. This cannot be undone.
+    """Erase all data of a participant, photos included. This cannot be undone.
 
     Only the pseudonym stays reserved. The next participant takes their place in the design.
 
@@ -51,7 +51,7 @@ class Erase:
 
     def run(self) -> None:
         """Ask, and delete."""
-        from peaking.study.privacy import erase_participant
+        from peaking.server.study.erasure import erase_participant
 
         if not self.yes:
             answer = input(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")

@@ -53,7 +53,10 @@ class ServeStudy:
         check_port(self.port)
         load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
-            study = OpenStudy(self.folder)
+            sessions = SessionStore(self.folder / "sessions")
+            for problem in sessions.problems:
+                say_skipped(problem)
+            study = OpenStudy(self.folder, sessions)
             plain = self.local or self.adb
             listener = bind("127.0.0.1" if plain else self.host, self.port)
             port = listener.getsockname()[1]
@@ -65,13 +68,11 @@ class ServeStudy:
                 if self.local
                 else (secrets.token_urlsafe(18), secrets.token_urlsafe(18))
             )
-            sessions = SessionStore(self.folder / "sessions")
-            for problem in sessions.problems:
-                say_skipped(problem)
             hubs = Hub(), Hub()  # of the capture server, and of the study
             capture = create_app(
                 store=sessions,
                 hub=hubs[0],
+                admission=study,
                 config=ServerOptions(
                     token=token,
                     client_dir=CLIENT_DIR,
@@ -81,7 +82,6 @@ class ServeStudy:
             )
             app = create_study_app(
                 study=study,
-                sessions=sessions,
                 capture=capture,
                 hub=hubs[1],
                 config=StudyServerOptions(

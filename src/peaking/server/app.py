@@ -28,6 +28,7 @@ from peaking.errors import PeakingError
 from peaking.options import DEFAULT, Options
 from peaking.output import encode_jpeg, write_atomically
 from peaking.server import wire
+from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull, room_explained
@@ -91,9 +92,12 @@ class ServerOptions:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, store: SessionStore, config: ServerOptions, hub: Hub) -> None:
+    def __init__(
+        self, store: SessionStore, config: ServerOptions, hub: Hub, admission: Admission
+    ) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
+        self.admission = admission
         self.config = config
         self.hub = hub
         self._selecting = asyncio.Lock()
@@ -168,7 +172,7 @@ class _Handlers:
         session_id = id_in_path(request, "session")
         new = await read_json(request, wire.NewSession)
         check_protocol(new.protocol, by="client")
-        session, created = await run_in_threadpool(self.store.begin, session_id, new)
+        session, created = await run_in_threadpool(self._begin, session_id, new)
         if created:
             self._tell_summary(session)
         return json_response(self._state(session), status=201 if created else 200)
@@ -176,6 +180,10 @@ class _Handlers:
     async def change_session(self, request: Request) -> Response:
         session = self._any_session(request)
         change = await read_json(request, wire.SessionChange)
+        if change.deleted is None:
+            await run_in_threadpool(self.admission.to_add, session.id)
+        else:
+            await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
             await run_in_threadpool(self.store.restore, session.id)
             self._make_missing(session)
@@ -190,6 +198,7 @@ class _Handlers:
 
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
+        await run_in_threadpool(self.admission.to_end, session_id)
         await run_in_threadpool(self.store.erase, session_id)
         self.hub.end(session_id)
         self.hub.send(SERVER, self._list())
@@ -220,7 +229,7 @@ class _Handlers:
         return json_response(wire.PeakedSamples(await run_in_threadpool(session.peaked)))
 
     async def add_peaked(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         id_in_path(request, "batch")
         told = await read_json(request, wire.PeakedSamples)
         await run_in_threadpool(session.add_peaked, told.samples)
@@ -230,7 +239,7 @@ class _Handlers:
     # Captures
 
     async def upload(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
         body = await read_body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
@@ -250,14 +259,15 @@ class _Handlers:
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         capture = await run_in_threadpool(session.remove_capture, id_in_path(request, "capture"))
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
         return json_response(capture)
 
     async def change_capture(self, request: Request) -> Response:
-        session, capture_id = self._session(request), id_in_path(request, "capture")
+        session = await self._session_to_change(request)
+        capture_id = id_in_path(request, "capture")
         change = await read_json(request, wire.CaptureChange)
         match change.ending:
             case "undone":
@@ -337,20 +347,37 @@ class _Handlers:
     def _session(self, request: Request) -> OpenSession:
         return self.store.get(id_in_path(request, "session"))
 
+    async def _session_to_change(self, request: Request) -> OpenSession:
+        """Return a session that may be added to."""
+        session = self._session(request)
+        await run_in_threadpool(self.admission.to_add, session.id)
+        return session
+
+    def _begin(self, session_id: str, new: wire.NewSession) -> tuple[OpenSession, bool]:
+        owner = self.admission.to_begin(session_id)
+        return self.store.begin(session_id, new, owner=owner)
+
     def _any_session(self, request: Request) -> OpenSession:
         """Return a session that may be deleted."""
         return self.store.get_any(id_in_path(request, "session"))
 
 
-def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
+def create_app(
+    *,
+    store: SessionStore,
+    config: ServerOptions,
+    hub: Hub | None = None,
+    admission: Admission | None = None,
+) -> Starlette:
     """Return the application; a test can hold ten of them.
 
     Args:
         store: The sessions.
         config: What is served, and to whom.
         hub: Ends all streams of events when it is closed; one of its own by default.
+        admission: Who may begin sessions and add to them; everybody by default.
     """
-    server = _Handlers(store, config, hub or Hub())
+    server = _Handlers(store, config, hub or Hub(), admission or Everybody())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
@@ -409,6 +436,8 @@ def _handlers() -> Mapping[Any, Any]:
             return problem(404, str(error))
         if isinstance(error, SessionGone):
             return problem(410, str(error), kind="erased" if error.final else "deleted")
+        if isinstance(error, NotAdmitted):
+            return problem(403, str(error), kind="not-admitted")
         if isinstance(error, NotRestorable):
             return problem(409, str(error))
         if isinstance(error, DiskFull):
