@@ -14,6 +14,7 @@ import peaking
 ROOT = Path(peaking.__file__).parent
 ORDER = [
     "errors",
+    "terminal",
     "options",
     "geometry",
     "frame",

@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.terminal import say
 
 
 @dataclass(frozen=True)
@@ -69,10 +70,10 @@ class Demo:
         address = f"http://{host}:{listener.getsockname()[1]}/"
 
         def started() -> None:
-            print(f"Capture page:        {address}{query if recordings else ''}")
-            print(f"List of sessions:    {address}sessions")
-            print(f"Folder of sessions:  {self.sessions.resolve()}")
-            print("Stop with Ctrl-C.", flush=True)
+            say(f"Capture page:        {address}{query if recordings else ''}")
+            say(f"List of sessions:    {address}sessions")
+            say(f"Folder of sessions:  {self.sessions.resolve()}")
+            say("Stop with Ctrl-C.")
             if not self.no_open:
                 webbrowser.open(address + query)
 

@@ -12,6 +12,7 @@ import tyro
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
+from peaking.terminal import say
 
 STARTING = "starting (the first run compiles for about 30 s)"
 COMPILED_AFTER = 2
@@ -123,12 +124,12 @@ class Replay:
             write_atomically(self.json, (self.out / "summary.json").read_bytes())
         mean = summary.mean_peaked_share
         share = "" if mean is None else f"; on average {mean:.2%} of the pixels were red"
-        print(f"captured {summary.captured} of {summary.frames} frames{share}")
+        say(f"captured {summary.captured} of {summary.frames} frames{share}")
         walk = summary.settings.guide
         if walk is not None:
-            print(
+            say(
                 f"guide {walk['kind']}: nearest depth {walk['z_min_m']:.2f} m; the recorded path "
                 f"reaches {walk['reached']} of {walk['targets']} targets"
             )
-        print(f"captured views: {self.out / 'captured'}")
-        print(f"report: {(self.out / 'report.html').resolve()}")
+        say(f"captured views: {self.out / 'captured'}")
+        say(f"report: {(self.out / 'report.html').resolve()}")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from peaking.commands.arguments import ArgumentError
+from peaking.terminal import say
 
 if TYPE_CHECKING:
     import ssl
@@ -43,4 +43,4 @@ def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
 
 def say_skipped(problem: str) -> None:
     """Report a session that cannot be opened."""
-    print(f"skipped: {problem}", file=sys.stderr)
+    say(f"skipped: {problem}", problem=True)

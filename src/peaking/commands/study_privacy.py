@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from peaking.terminal import harmless, say
+
 
 @dataclass(frozen=True)
 class Export:
@@ -29,7 +31,7 @@ class Export:
         from peaking.study.privacy import export_participant
 
         export_participant(self.folder, self.participant, self.out)
-        print(f"Wrote {self.out}")
+        say(f"Wrote {self.out}")
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,11 @@ class Erase:
         from peaking.study.privacy import erase_participant
 
         if not self.yes:
-            answer = input(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")
+            answer = input(
+                harmless(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")
+            )
             if answer.strip().lower() != "yes":
-                print("Nothing was deleted.")
+                say("Nothing was deleted.")
                 return
         erase_participant(self.folder, self.participant)
-        print(f"Erased {self.participant}.")
+        say(f"Erased {self.participant}.")

@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class ServeStudy:
@@ -95,14 +97,14 @@ class ServeStudy:
             secret = "" if token is None else f"#token={token}&console={console_token}"
 
             def started() -> None:
-                print("Console, for the experimenter only:")
+                say("Console, for the experimenter only:")
                 for origin in origins:
-                    print(f"  {origin}/study{secret}")
-                print("The console shows the links for the phones.")
+                    say(f"  {origin}/study{secret}")
+                say("The console shows the links for the phones.")
                 for remark in study.remarks:
-                    print(f"Note: {remark}")
-                print(f"Folder of the study:  {self.folder.resolve()}")
-                print("Stop with Ctrl-C.", flush=True)
+                    say(f"Note: {remark}")
+                say(f"Folder of the study:  {self.folder.resolve()}")
+                say("Stop with Ctrl-C.")
 
             def stopping() -> None:
                 for hub in hubs:
