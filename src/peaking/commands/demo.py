@@ -34,6 +34,8 @@ class Demo:
     """Address to listen on; a loopback address."""
     port: int = 8000
     """Port to listen on, or the next free one; 0: any free port."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Serve also files that links lead to from outside the recording."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
     method: MethodOptions = field(default_factory=MethodOptions)
@@ -63,7 +65,8 @@ class Demo:
         query = "?source=virtual"
         if self.scene is not None:
             played = self.scene.resolve().name
-            recordings[played] = PlayedRecording(played, open_recording(self.scene))
+            recording = open_recording(self.scene, confined=not self.follow_links)
+            recordings[played] = PlayedRecording(played, recording)
             query = f"?source=replay&recording={quote(played)}"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)
         host = f"[{name}]" if ":" in name else name

@@ -66,6 +66,10 @@ class Replay:
     """Frames per second of the video."""
     no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Write no overlay.mp4, which needs the program ffmpeg."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Copy into captured/ also files that links lead to from outside the recording."""
+    keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Keep the metadata of the pictures in captured/: EXIF with GPS, XMP, comments."""
     json: Path | None = None
     """Also write summary.json to this file."""
     method: MethodOptions = field(default_factory=MethodOptions)
@@ -109,6 +113,8 @@ class Replay:
                 fps=self.fps,
                 with_video=not self.no_video,
                 guide=guide,
+                follow_links=self.follow_links,
+                keep_exif=self.keep_exif,
             )
         bar = tqdm(range(options.num_frames), desc=STARTING, unit="frame")
 
