@@ -16,6 +16,8 @@ PeakingError
 ├── DiskFull            there is no room on the server's disk
 ├── UnknownSession      there is no session of this id
 ├── UnknownCapture      there is no capture of this id in the session
+├── SessionGone         the session was deleted or erased
+├── NotRestorable       the files of a capture are deleted
 ├── UnknownParticipant  the study has no participant of this pseudonym
 ├── NotNow              a request does not fit the participant's step
 ├── Incomplete          a form of the study is not complete

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -18,7 +17,7 @@ E = TypeVar("E", bound=msgspec.Struct)
 
 
 def append(path: Path, data: bytes, *, durably: bool) -> None:
-    """Append to a file, which is made when it is not there.
+    """Append to a file, which is made, readable by its owner only, when it is not there.
 
     Args:
         path: The file.
@@ -28,7 +27,7 @@ def append(path: Path, data: bytes, *, durably: bool) -> None:
     Raises:
         OSError: They could not be written; the file is as it was before.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     try:
         size = os.fstat(descriptor).st_size
         try:
@@ -78,9 +77,21 @@ class EventLog(Generic[E]):
         Raises:
             DamagedLine: A line in the middle is damaged, or of a newer version.
         """
-        data = self.path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        return [self._decode(n, line) for n, line in enumerate(_lines(data[:whole]), start=1)]
+        events, damaged = self.read_around_damage()
+        if damaged:
+            raise damaged[0]
+        return events
+
+    def read_around_damage(self) -> tuple[list[E], list[DamagedLine]]:
+        """Return the events that can be read, and what is wrong with the lines that cannot."""
+        events: list[E] = []
+        damaged: list[DamagedLine] = []
+        for number, line in enumerate(self.path.read_bytes().split(b"\n")[:-1], start=1):
+            try:
+                events.append(self._decoder.decode(line))
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+                damaged.append(DamagedLine(number, str(error)))
+        return events, damaged
 
     def mend(self) -> None:
         """Cut off a last line that a crash left unfinished; to be called before appending."""
@@ -88,13 +99,3 @@ class EventLog(Generic[E]):
         whole = data.rfind(b"\n") + 1
         if whole < len(data):
             os.truncate(self.path, whole)
-
-    def _decode(self, number: int, line: bytes) -> E:
-        try:
-            return self._decoder.decode(line)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise DamagedLine(number, str(error)) from error
-
-
-def _lines(data: bytes) -> Sequence[bytes]:
-    return data.split(b"\n")[:-1]

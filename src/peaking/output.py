@@ -26,6 +26,9 @@ from peaking.errors import OutputError
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says when a disk is full, or the share of it that one may use."""
 
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EOPNOTSUPP, errno.EMLINK)
+"""What a file system says that has no hard links."""
+
 _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
@@ -80,6 +83,36 @@ def write_atomically(path: Path, data: bytes) -> None:
             with contextlib.suppress(OSError):  # a read-only disk refuses this too
                 partial.unlink(missing_ok=True)
             raise
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write a file that must not be there yet, in one step; nothing is ever replaced.
+
+    Raises:
+        OutputError: There is something of that name, the folder cannot be written to, or the disk
+            is full.
+    """
+    partial = _hidden_sibling(path)
+    with _explained(path, partial):
+        try:
+            partial.write_bytes(data)
+            flush(partial)
+            try:
+                os.link(partial, path)
+            except OSError as error:
+                if error.errno not in _NO_LINKS:
+                    raise
+                # This file system has no links: a name is taken first, then replaced.
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+                partial.replace(path)
+            try:
+                flush(path.parent)
+            except BaseException:
+                path.unlink()
+                raise
+        finally:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
 
 
 Image = (

@@ -176,7 +176,7 @@ def test_wrong_json_begins_nothing(client: TestClient, tmp_path: Path, body: byt
     assert 400 <= answer.status_code < 500
     assert answer.json()["type"] in ("urn:peaking:problem:invalid", "urn:peaking:problem:protocol")
     assert answer.json()["detail"]
-    assert len(list((tmp_path / "sessions").iterdir())) == 1
+    assert len(list((tmp_path / "sessions").glob("[!.]*"))) == 1
 
 
 def test_too_much_is_refused_while_it_comes(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("peaking.server.open_session.write_atomically", full)
+        patch.setattr("peaking.server.open_session.write_new", full)
         answer = client.put(capture_path(1), content=upload(1))
     assert answer.status_code == 507
     assert answer.json()["type"] == "urn:peaking:problem:disk-full"

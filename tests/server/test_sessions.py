@@ -187,18 +187,19 @@ def test_a_torn_last_line_is_cut_off(tmp_path: Path) -> None:
     assert log.read_bytes() == whole
 
 
-def test_damage_in_the_middle_is_said_and_touches_nothing(tmp_path: Path) -> None:
+def test_damage_at_the_beginning_is_said_and_touches_nothing(tmp_path: Path) -> None:
     session = begun(tmp_path)
     store(session, 1)
     log = session.folder / "log.jsonl"
     first, second = log.read_bytes().splitlines(keepends=True)
-    log.write_bytes(first + b"x" + second)
-    with pytest.raises(RecordingError, match="line 2"):
+    log.write_bytes(b"x" + first + second)
+    with pytest.raises(RecordingError, match="line 1"):
         OpenSession(session.folder, clock=clock)
     opened = SessionStore(tmp_path)
     assert opened.sessions() == []
-    assert "line 2" in opened.problems[0]
+    assert "line 1" in opened.problems[0]
     assert (session.folder / "images/000001.jpg").read_bytes() == photo(1)
+    assert log.read_bytes() == b"x" + first + second
 
 
 def test_names_and_ends_are_remembered(tmp_path: Path) -> None:

@@ -90,7 +90,7 @@ def test_the_learned_mpi_takes_the_place_of_the_first_at_another_address(
         assert client.get(f"{capture_path(1)}/mpi/3").status_code == 404
         assert client.get(f"{capture_path(1)}/mpi/0").status_code == 404
     (log,) = (tmp_path / "sessions").glob("*/log.jsonl")
-    made = [event for event in SessionLog(log).read() if isinstance(event, MpiMade)]
+    made = [event for event in SessionLog(log).read()[0] if isinstance(event, MpiMade)]
     assert [(event.version, event.generator) for event in made] == [(1, "layered"), (2, "adampi")]
     # After a restart it is what it was, and is not made again.
     (session,) = SessionStore(tmp_path / "sessions").sessions()

@@ -60,6 +60,12 @@ def client(study: Path) -> Generator[TestClient, None, None]:
         yield client
 
 
+def restarted(client: TestClient, folder: Path) -> TestClient:
+    """End a server and open another on its folder."""
+    client.__exit__()
+    return open_client(folder)
+
+
 def add(client: TestClient, new_id: str | None = None) -> Any:
     return client.put(f"{CONSOLE}/participants/{new_id or uuid4()}")
 
@@ -133,7 +139,7 @@ def test_a_participant_who_is_added_twice_is_one(client: TestClient, study: Path
     for status in (201, 200, 200):
         answer = add(client, NEW)
         assert (answer.status_code, answer.json()) == (status, {"participant": "P02"})
-    with open_client(study) as again:
+    with restarted(client, study) as again:
         assert add(again, NEW).json() == {"participant": "P02"}
         assert add(again).json() == {"participant": "P03"}
     assert add(client, "No id").status_code == 404
@@ -145,7 +151,7 @@ def test_a_note_that_is_sent_twice_is_one(client: TestClient, study: Path) -> No
     sent = [(NEW, "late"), (NEW, "late"), (str(uuid4()), "late")]
     for new_id, text in sent:
         assert client.put(f"{path}/{new_id}", json={"text": text}).status_code == 200
-    with open_client(study) as again:
+    with restarted(client, study) as again:
         assert again.put(f"{path}/{NEW}", json={"text": "late"}).status_code == 200
     assert read_participants(study)[0].notes == ["late", "late"]
 
@@ -233,7 +239,7 @@ def test_after_a_crash_everybody_is_where_they_were(client: TestClient, study: P
     before = client.get(P01).json()
     with log_of(study, "P01").path.open("ab") as file:
         file.write(b'{"type":"Answered","at_s":1')
-    with open_client(study) as again:
+    with restarted(client, study) as again:
         assert again.get(P01).json() == before
         assert hand_in(again, "t1.ask.sus", SUS).status_code == 200
         assert add(again).json() == {"participant": "P02"}
@@ -257,7 +263,7 @@ def test_a_repetition_that_is_sent_twice_undoes_nothing_new(
     log = log_of(study, "P01").path
     before = log.read_bytes()
     assert repeat(client, step_key, "a call", NEW) == 200
-    with open_client(study) as again:
+    with restarted(client, study) as again:
         assert repeat(again, step_key, "a call", NEW) == 200
     assert log.read_bytes() == before
     assert repeat(client, step_key, "another call") == 200
@@ -275,7 +281,7 @@ def test_a_repetition_of_which_a_crash_kept_only_some_is_finished_when_sent_agai
     assert len(lines) > done + 1
     for kept in range(done, len(lines)):
         log.write_bytes(b"".join(lines[:kept]))
-        with open_client(study) as again:
+        with restarted(client, study) as again:
             assert repeat(again, step_key, "a call", NEW) == 200
             now = again.get(P01).json()["step"]
             assert (now["key"], now["running"]) == (step_key, False)
@@ -326,10 +332,11 @@ def test_photos_go_after_the_review_when_they_may_not_be_kept(
     begun = {"protocol": PROTOCOL, "name": "x", "source": "virtual"}
     assert client.put(f"/api/v1/sessions/{SESSION}", json=begun).status_code == 201
     order(client, "finished", "t1.capture")
-    assert len(list((study / "sessions").iterdir())) == 1
+    assert len(list((study / "sessions").glob("[!.]*"))) == 1
     do_phase(client, "t1.review")
-    assert list((study / "sessions").iterdir()) == []
-    assert client.put(f"/api/v1/sessions/{SESSION}", json=begun).status_code == 404
+    assert list((study / "sessions").glob("[!.]*")) == []
+    again = client.put(f"/api/v1/sessions/{SESSION}", json=begun)
+    assert (again.status_code, again.json()["type"]) == (410, "urn:peaking:problem:erased")
     assert '"ImagesErased"' in log_of(study, "P01").path.read_text()
 
 
@@ -368,5 +375,5 @@ def test_who_is_erased_is_gone_and_the_pseudonym_stays_taken(
     assert not (study / "participants" / "P01").exists()
     with pytest.raises(StudyError, match="none yet"):
         erase_participant(study, "P01")
-    with open_client(study) as again:
+    with restarted(client, study) as again:
         assert add(again).json() == {"participant": "P02"}

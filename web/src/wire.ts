@@ -62,6 +62,13 @@ export interface Capture {
   readonly guessed?: boolean;
   readonly problem?: string | null;
   readonly removed?: boolean;
+  readonly ending?: 'erased' | 'set_aside' | 'undone' | null;
+  readonly restorable?: boolean;
+}
+
+/** PATCH /api/v1/sessions/{session}/captures/{capture}: `null` brings it back. */
+export interface CaptureChange {
+  readonly ending: 'erased' | 'set_aside' | 'undone' | null;
 }
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
@@ -99,6 +106,7 @@ export interface NewSession {
 export interface SessionChange {
   readonly name?: string | null;
   readonly finished?: boolean | null;
+  readonly deleted?: boolean | null;
 }
 
 /** One line of the list of sessions. */
@@ -114,6 +122,8 @@ export interface SessionSummary {
   readonly ready: number;
   readonly peaked_share: number | null;
   readonly live: boolean;
+  readonly deleted_s?: number | null;
+  readonly damaged?: number;
 }
 
 /** A session with all its captures in order, removed ones too. */
@@ -204,6 +214,7 @@ export interface SessionChanged {
 export interface SessionList {
   readonly type: 'SessionList';
   readonly sessions: readonly SessionSummary[];
+  readonly problems?: readonly string[];
 }
 
 export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
@@ -241,6 +252,8 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   guessed: optional(flag),
   problem: optional(nullable(text)),
   removed: optional(flag),
+  ending: optional(nullable(oneOf('erased', 'set_aside', 'undone'))),
+  restorable: optional(flag),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -255,6 +268,8 @@ export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ reco
   ready: integer(),
   peaked_share: nullable(number()),
   live: flag,
+  deleted_s: optional(nullable(number())),
+  damaged: optional(integer()),
 });
 
 export const sessionSchema: Schema<Session> = /* @__PURE__ */ record<Session>({
@@ -333,6 +348,7 @@ export const sessionChangedSchema: Schema<SessionChanged> = /* @__PURE__ */ reco
 export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
   type: oneOf('SessionList'),
   sessions: list(sessionSummarySchema),
+  problems: optional(list(text)),
 });
 
 export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<SessionEvent>({

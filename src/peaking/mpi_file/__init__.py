@@ -24,7 +24,7 @@ from peaking.mpi_file._header import MAX_HEADER_BYTES, Codec, Header
 from peaking.mpi_file._tiles import pack_texels, unpack_texels
 from peaking.output import write_atomically
 
-__all__ = ["Codec", "decode", "encode", "is_current", "read_mpi", "write_mpi"]
+__all__ = ["Codec", "decode", "encode", "is_current", "is_sound", "read_mpi", "write_mpi"]
 
 VERSION = 2
 DEFAULT_QUALITY = 90
@@ -133,6 +133,15 @@ def is_current(path: Path) -> bool:
             return file.read(len(_MAGIC % VERSION)) == _MAGIC % VERSION
     except OSError:
         return False
+
+
+def is_sound(data: bytes) -> bool:
+    """Return whether bytes are what an `.mpi` file's checksum promises, of this version."""
+    try:
+        _check_frame(data)
+    except MpiFileError:
+        return False
+    return True
 
 
 def _check_frame(data: bytes) -> int:

@@ -33,7 +33,13 @@ from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
 from peaking.server.generation import GenerationQueue
-from peaking.server.open_session import OpenSession, UnknownCapture, UnknownSession
+from peaking.server.open_session import (
+    NotRestorable,
+    OpenSession,
+    SessionGone,
+    UnknownCapture,
+    UnknownSession,
+)
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
@@ -93,13 +99,13 @@ class _Handlers:
         self._selecting = asyncio.Lock()
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
-            for capture_id in session.unfinished(config.options.generator):
-                self.queue.put(session, capture_id)
+            self._make_missing(session)
 
     def close(self) -> None:
-        """End streams and threads."""
+        """End streams and threads, and let another process have the folder."""
         self.hub.close()
         self.queue.close()
+        self.store.close()
 
     # What is there
 
@@ -137,7 +143,7 @@ class _Handlers:
         return json_response(self._summaries())
 
     async def session(self, request: Request) -> Response:
-        return json_response(self._state(self._session(request)))
+        return json_response(self._state(self._any_session(request)))
 
     async def session_events(self, request: Request) -> Response:
         session = self._session(request)
@@ -154,7 +160,7 @@ class _Handlers:
         return event_stream(stream)
 
     async def server_events(self, _: Request) -> Response:
-        return event_stream(self.hub.stream(SERVER, lambda: wire.SessionList(self._summaries())))
+        return event_stream(self.hub.stream(SERVER, self._list))
 
     # Sessions
 
@@ -168,14 +174,26 @@ class _Handlers:
         return json_response(self._state(session), status=201 if created else 200)
 
     async def change_session(self, request: Request) -> Response:
-        session = self._session(request)
+        session = self._any_session(request)
         change = await read_json(request, wire.SessionChange)
+        if change.deleted is False:
+            await run_in_threadpool(self.store.restore, session.id)
+            self._make_missing(session)
         if change.name is not None:
             await run_in_threadpool(session.rename, change.name)
         if change.finished is not None:
             await run_in_threadpool(session.finish, change.finished)
+        if change.deleted is True:
+            await run_in_threadpool(self.store.delete, session.id)
         self._tell_summary(session)
         return json_response(session.summary(live=self.hub.is_live(session.id)))
+
+    async def erase_session(self, request: Request) -> Response:
+        session_id = id_in_path(request, "session")
+        await run_in_threadpool(self.store.erase, session_id)
+        self.hub.end(session_id)
+        self.hub.send(SERVER, self._list())
+        return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
         session = self._session(request)
@@ -237,23 +255,49 @@ class _Handlers:
         await run_in_threadpool(session.refresh_dataset)
         return json_response(capture)
 
+    async def change_capture(self, request: Request) -> Response:
+        session, capture_id = self._session(request), id_in_path(request, "capture")
+        change = await read_json(request, wire.CaptureChange)
+        match change.ending:
+            case "undone":
+                do = session.remove_capture
+            case "set_aside":
+                do = session.set_aside
+            case "erased":
+                do = session.erase_capture
+            case None:
+                do = session.restore_capture
+        capture = await run_in_threadpool(do, capture_id)
+        if not capture.removed:
+            self._make_missing(session)
+        self._tell_capture(session, capture)
+        await run_in_threadpool(session.refresh_dataset)
+        return json_response(capture)
+
     async def mpi(self, request: Request) -> Response:
         session = self._session(request)
-        capture = session.capture(id_in_path(request, "capture"))
+        capture = session.shown_capture(id_in_path(request, "capture"))
         if capture.state != "ready":
             raise HTTPException(404, "There is no MPI of this capture yet.")
         version = request.path_params.get("version", 1)
         if not 1 <= version <= capture.mpi_version:
             raise HTTPException(404, "There is no such version of this MPI.")
-        return _file(session.mpi_path(capture.id, version), "application/octet-stream")
+        data = await run_in_threadpool(session.mpi_bytes, capture.id, version)
+        if data is None:
+            if await run_in_threadpool(session.mark_damaged, capture.id, version):
+                self.queue.put(session, capture.id)
+                self._tell_capture(session, session.capture(capture.id))
+            raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
+        return Response(data, media_type="application/octet-stream", headers=LASTING)
 
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
-        return _file(session.photo_path(id_in_path(request, "capture")), "image/jpeg")
+        capture = session.shown_capture(id_in_path(request, "capture"))
+        return _file(session.photo_path(capture.id), "image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
-        capture = session.capture(id_in_path(request, "capture"))
+        capture = session.shown_capture(id_in_path(request, "capture"))
         data = await run_in_threadpool(_thumbnail, session, capture)
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
@@ -264,6 +308,15 @@ class _Handlers:
         self._tell_capture(session, capture)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
+
+    def _make_missing(self, session: OpenSession) -> None:
+        """Have the MPIs made that a session needs and has not."""
+        for capture_id in session.unfinished(self.config.options.generator):
+            self.queue.put(session, capture_id)
+
+    def _list(self) -> wire.SessionList:
+        sessions = [s.summary(live=self.hub.is_live(s.id)) for s in self.store.all_sessions()]
+        return wire.SessionList(sessions, self.store.problems)
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
@@ -282,6 +335,10 @@ class _Handlers:
 
     def _session(self, request: Request) -> OpenSession:
         return self.store.get(id_in_path(request, "session"))
+
+    def _any_session(self, request: Request) -> OpenSession:
+        """Return a session that may be deleted."""
+        return self.store.get_any(id_in_path(request, "session"))
 
 
 def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
@@ -325,6 +382,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(session, server.session, methods=["GET"]),
         Route(session, server.begin_session, methods=["PUT"]),
         Route(session, server.change_session, methods=["PATCH"]),
+        Route(session, server.erase_session, methods=["DELETE"]),
         Route(session + "/events", server.session_events, methods=["GET"]),
         Route(session + "/peaked", server.peaked, methods=["GET"]),
         Route(session + "/peaked/{batch}", server.add_peaked, methods=["PUT"]),
@@ -332,6 +390,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
         Route(capture, server.upload, methods=["PUT"]),
         Route(capture, server.remove, methods=["DELETE"]),
+        Route(capture, server.change_capture, methods=["PATCH"]),
         Route(capture + "/mpi", server.mpi, methods=["GET"]),
         Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
         Route(capture + "/photo", server.photo, methods=["GET"]),
@@ -347,6 +406,10 @@ def _handlers() -> Mapping[Any, Any]:
             return problem(error.status_code, error.detail, headers=error.headers)
         if isinstance(error, UnknownSession | UnknownCapture):
             return problem(404, str(error))
+        if isinstance(error, SessionGone):
+            return problem(410, str(error), kind="erased" if error.final else "deleted")
+        if isinstance(error, NotRestorable):
+            return problem(409, str(error))
         if isinstance(error, DiskFull):
             return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)

@@ -40,6 +40,13 @@ class Hub:
         with contextlib.suppress(RuntimeError):  # closed meanwhile
             loop.call_soon_threadsafe(self._deliver, topic, _message(event))
 
+    def end(self, topic: str) -> None:
+        """End the streams of a topic; from any thread."""
+        loop = self._loop
+        if loop is not None:
+            with contextlib.suppress(RuntimeError):  # closed meanwhile
+                loop.call_soon_threadsafe(self._end, topic)
+
     def close(self) -> None:
         """End all streams, so that the server can stop."""
         self.closed = True
@@ -86,6 +93,12 @@ class Hub:
             self._listeners[topic].discard(queue)
             self._live[topic] -= live
             changed()
+
+    def _end(self, topic: str) -> None:
+        for queue in self._listeners.get(topic, ()):
+            while not queue.empty():
+                queue.get_nowait()
+            queue.put_nowait(None)
 
     def _deliver(self, topic: str, message: bytes) -> None:
         for queue in self._listeners.get(topic, ()):

@@ -15,7 +15,9 @@ from peaking.server import wire
 
 ProblemKind = Literal[
     "busy",
+    "deleted",
     "disk-full",
+    "erased",
     "incomplete",
     "invalid",
     "not-paired",
@@ -26,7 +28,9 @@ ProblemKind = Literal[
 
 TITLES: Mapping[ProblemKind, str] = {
     "busy": "The server is busy",
+    "deleted": "The session was deleted",
     "disk-full": "The server's disk is full",
+    "erased": "The session was erased",
     "incomplete": "The form is incomplete",
     "invalid": "The request is not valid",
     "not-paired": "This device is not paired",

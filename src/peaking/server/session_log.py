@@ -5,13 +5,11 @@ What stands in it has happened; everything else in a session's folder follows fr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
-from peaking.errors import RecordingError
-from peaking.event_log import DamagedLine, EventLog
+from peaking.event_log import EventLog
 from peaking.server import wire
 
 FILE_NAME = "log.jsonl"
@@ -24,7 +22,7 @@ class Event(msgspec.Struct, frozen=True, tag_field="type"):
     at_s: float
 
 
-class NamedSession(msgspec.Struct, frozen=True):
+class NamedSession(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a phone said of a session when it began it."""
 
     id: wire.Id
@@ -32,6 +30,8 @@ class NamedSession(msgspec.Struct, frozen=True):
     name: wire.Name
     source: wire.SourceKind
     device: str = ""
+    owner: str | None = None
+    """In a study: the participant who was granted this session."""
 
 
 class SessionBegun(Event, frozen=True, tag="SessionBegun"):
@@ -58,6 +58,30 @@ class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):
     id: str
 
 
+class CaptureSetAside(Event, frozen=True, tag="CaptureSetAside"):
+    """Taken out of the data set by the program."""
+
+    id: str
+
+
+class CaptureRestored(Event, frozen=True, tag="CaptureRestored"):
+    """Is in the data set again, after an undo or after it was set aside."""
+
+    id: str
+
+
+class CaptureDropped(Event, frozen=True, tag="CaptureDropped"):
+    """Set aside longest when there were too many: its files are deleted."""
+
+    id: str
+
+
+class CaptureErased(Event, frozen=True, tag="CaptureErased"):
+    """Erased for ever: its files, and what was made of them."""
+
+    id: str
+
+
 class MpiMade(Event, frozen=True, tag="MpiMade"):
     """An MPI of a capture is on the disk: the first, or one that takes the place of another."""
 
@@ -74,12 +98,33 @@ class SessionNamed(Event, frozen=True, tag="SessionNamed"):
 
 
 class SessionFinished(Event, frozen=True, tag="SessionFinished"):
-    """Was finished, or opened again."""
+    """Was finished, or opened again. What was undone before it was finished cannot be restored."""
 
     finished: bool
 
 
-AnyEvent = SessionBegun | CaptureStored | CaptureRemoved | MpiMade | SessionNamed | SessionFinished
+class SessionDeleted(Event, frozen=True, tag="SessionDeleted"):
+    """Was deleted as a whole; it can be restored for some time."""
+
+
+class SessionRestored(Event, frozen=True, tag="SessionRestored"):
+    """Was restored after it had been deleted."""
+
+
+AnyEvent = (
+    SessionBegun
+    | CaptureStored
+    | CaptureRemoved
+    | CaptureSetAside
+    | CaptureRestored
+    | CaptureDropped
+    | CaptureErased
+    | MpiMade
+    | SessionNamed
+    | SessionFinished
+    | SessionDeleted
+    | SessionRestored
+)
 
 
 class SessionLog:
@@ -98,19 +143,11 @@ class SessionLog:
         """
         self._log.append(event)
 
-    def read(self) -> Iterator[AnyEvent]:
-        """Yield all events, and cut off a last line that a crash left unfinished.
+    def read(self) -> tuple[list[AnyEvent], list[str]]:
+        """Return the events, and a sentence for each line that cannot be read.
 
-        Raises:
-            RecordingError: A line in the middle is damaged, or of a newer version.
+        A last line that a crash left unfinished is cut off.
         """
         self._log.mend()
-        try:
-            yield from self._log.read()
-        except DamagedLine as error:
-            raise RecordingError(
-                self.path,
-                str(error),
-                remedy="it is damaged or of a newer version of peaking; the photos beside it "
-                "are untouched",
-            ) from error
+        events, damaged = self._log.read_around_damage()
+        return events, [f"{self.path}: {line}; it was left out" for line in damaged]

@@ -1,7 +1,8 @@
-"""All sessions below one folder: begun complete or not at all, opened again, erased."""
+"""All sessions below one folder: begun complete or not at all, opened again, deleted, erased."""
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import threading
 import time
@@ -14,69 +15,100 @@ from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.open_session import (
-    ERASED,
     FOLDERS,
     TRANSFORMS,
     OpenSession,
+    SessionGone,
     UnknownSession,
 )
 from peaking.server.session_log import SessionLog
+from peaking.server.store_folder import PRIVATE, StoreFolder
+
+RESTORABLE_S = 30 * 24 * 3600.0
+"""So long a deleted session can be restored; then it is erased."""
 
 
 class SessionStore:
-    """All sessions below one folder."""
+    """All sessions below one folder, which this process has until the store is closed."""
 
     def __init__(self, root: Path, *, clock: Callable[[], float] = time.time) -> None:
         """Open the sessions below `root`, which is made when it is not there.
 
-        A folder that cannot be opened is left alone and told in `problems`.
+        Erasures that were interrupted are finished. A folder that cannot be opened is left alone
+        and told in `problems`.
+
+        Raises:
+            OutputError: Another process has the folder, or it cannot be written to.
         """
         self.root = root
-        self.problems: list[str] = []
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
-        self._erased: set[str] = set()
-        root.mkdir(parents=True, exist_ok=True)
-        for leftover in root.glob(".*.erased"):
-            shutil.rmtree(leftover, ignore_errors=True)
-        for log in sorted(root.glob(f"*/{session_log.FILE_NAME}")):
-            if log.parent.name.startswith("."):
-                continue
+        self._folder = StoreFolder(root)
+        self.problems = self._folder.clean()
+        for log in self._folder.logs():
+            log.parent.chmod(PRIVATE)
             try:
-                session = OpenSession(log.parent, clock=clock)
-                self._sessions[session.id] = session
+                self._take(OpenSession(log.parent, clock=clock))
             except (RecordingError, OutputError, OSError) as error:
                 self.problems.append(str(error))
+        self.erase_expired()
+
+    def close(self) -> None:
+        """Let another process have the folder."""
+        self._folder.close()
 
     def sessions(self) -> list[OpenSession]:
-        """Return all sessions, oldest first."""
-        with self._lock:
-            return list(self._sessions.values())
+        """Return all sessions, oldest first, without deleted ones."""
+        return [session for session in self.all_sessions() if session.deleted_s is None]
+
+    def all_sessions(self) -> list[OpenSession]:
+        """Return all sessions, oldest first, deleted ones too."""
+        return list(self._sessions.copy().values())
 
     def get(self, session_id: str) -> OpenSession:
         """Return a session.
 
         Raises:
+            SessionGone: It was deleted or erased.
             UnknownSession: It is not here.
         """
-        with self._lock:
-            if session_id not in self._sessions:
-                raise UnknownSession("There is no such session on this server.")
-            return self._sessions[session_id]
+        session = self.get_any(session_id)
+        if session.deleted_s is not None:
+            raise SessionGone(final=False)
+        return session
 
-    def begin(self, session_id: str, new: wire.NewSession) -> tuple[OpenSession, bool]:
-        """Return the session of this id, and whether it was made now.
+    def get_any(self, session_id: str) -> OpenSession:
+        """Return a session, or one that was deleted and can be restored.
 
         Raises:
-            UnknownSession: It was erased while this server ran.
+            SessionGone: It was erased.
+            UnknownSession: It is not here.
+        """
+        session = self._sessions.get(session_id)
+        if session is not None:
+            return session
+        if session_id in self._folder.erased_ids:
+            raise SessionGone(final=True)
+        raise UnknownSession("There is no such session on this server.")
+
+    def begin(
+        self, session_id: str, new: wire.NewSession, *, owner: str | None = None
+    ) -> tuple[OpenSession, bool]:
+        """Return the session of this id, and whether it was made now.
+
+        Args:
+            session_id: Made by the client.
+            new: What the client says of it.
+            owner: In a study, the participant who was granted it.
+
+        Raises:
+            SessionGone: It was deleted or erased.
             DiskFull: There is no room; nothing of it was kept.
         """
         with self._lock:
-            if session_id in self._sessions:
-                return self._sessions[session_id], False
-            if session_id in self._erased:
-                raise UnknownSession(ERASED)
+            with contextlib.suppress(UnknownSession):
+                return self.get(session_id), False
             now_s = self._clock()
             when = time.strftime("%Y-%m-%d_%H%M%S", time.localtime(now_s))
             folder = self.root / f"{when}_{session_id[:8]}"
@@ -88,13 +120,13 @@ class SessionStore:
                 at_s=now_s,
                 version=session_log.VERSION,
                 session=session_log.NamedSession(
-                    session_id, new.protocol, new.name, new.source, new.device
+                    session_id, new.protocol, new.name, new.source, new.device, owner
                 ),
             )
             try:
                 with room_explained():
-                    hidden.mkdir(exist_ok=True)
-                    (hidden / session_log.FILE_NAME).unlink(missing_ok=True)
+                    shutil.rmtree(hidden, ignore_errors=True)
+                    hidden.mkdir(mode=PRIVATE)
                     for name in FOLDERS:
                         (hidden / name).mkdir(parents=True, exist_ok=True)
                     write_atomically(hidden / TRANSFORMS, transforms_json(()))
@@ -108,10 +140,74 @@ class SessionStore:
             self._sessions[session_id] = session
             return session, True
 
-    def erase(self, session_id: str) -> None:
-        """Delete a session with all its photos; one that is not here stays refused."""
+    def delete(self, session_id: str) -> OpenSession:
+        """Delete a session; it can be restored for `RESTORABLE_S`. Again does nothing.
+
+        Raises:
+            SessionGone: It was erased.
+            UnknownSession: It is not here.
+            DiskFull: There is no room to note it.
+        """
         with self._lock:
-            self._erased.add(session_id)
+            session = self.get_any(session_id)
+            session.delete()
+            session.move(self._folder.deleted / session.folder.name)
+            return session
+
+    def restore(self, session_id: str) -> OpenSession:
+        """Bring a deleted session back. Again does nothing.
+
+        Raises:
+            SessionGone: It was erased.
+            UnknownSession: It is not here.
+            DiskFull: There is no room to note it.
+        """
+        with self._lock:
+            session = self.get_any(session_id)
+            session.restore()
+            session.move(self.root / session.folder.name)
+            return session
+
+    def erase(self, session_id: str) -> None:
+        """Erase a session, with all that was made of it: for ever, also one that is not here yet.
+
+        Raises:
+            OSError: It could not be noted; nothing was erased.
+        """
+        with self._lock:
+            self._folder.note_erased(session_id, at_s=self._clock())
             session = self._sessions.pop(session_id, None)
-        if session is not None:
-            session.erase()
+            if session is not None:
+                session.close_for_ever()
+                self._folder.delete(session.folder)
+
+    def erase_expired(self) -> list[str]:
+        """Erase the sessions that were deleted too long ago to be restored; return their ids."""
+        oldest_s = self._clock() - RESTORABLE_S
+        expired = [
+            session.id
+            for session in self.all_sessions()
+            if session.deleted_s is not None and session.deleted_s < oldest_s
+        ]
+        for session_id in expired:
+            self.erase(session_id)
+        return expired
+
+    # Inside
+
+    def _take(self, session: OpenSession) -> None:
+        """Take a session that was opened, and finish what a crash interrupted."""
+        if session.id in self._folder.erased_ids:
+            if not self._folder.delete(session.folder):
+                self.problems.append(f"{session.folder}: is erased; delete it by hand")
+            return
+        if session.id in self._sessions:
+            other = self._sessions[session.id].folder
+            self.problems.append(
+                f"{session.folder}: is the same session as {other.name}; move one of them away"
+            )
+            return
+        where = self.root if session.deleted_s is None else self._folder.deleted
+        session.move(where / session.folder.name)
+        self._sessions[session.id] = session
+        self.problems += session.problems

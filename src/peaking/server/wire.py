@@ -68,6 +68,8 @@ CONSTANTS = (
 
 SourceKind = Literal["webxr", "virtual", "replay", "other"]
 MpiState = Literal["queued", "ready", "failed"]
+Ending = Literal["undone", "set_aside", "erased"]
+"""How a capture left the data set: by the photographer, by the program, by right and for ever."""
 
 
 class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -144,7 +146,16 @@ class Capture(Struct, frozen=True):
     problem: str | None = None
     """When `failed`: why, and what to do about it. When `ready`: why no better MPI was made."""
     removed: bool = False
-    """Taken back by an undo; kept on the server's disk, but in no data set."""
+    """In no data set; `ending` says why. Its pictures are given out only while it is set aside."""
+    ending: Ending | None = None
+    restorable: bool = False
+    """Removed, and PATCH can bring it back."""
+
+
+class CaptureChange(Struct, frozen=True):
+    """PATCH /api/v1/sessions/{session}/captures/{capture}: `null` brings it back."""
+
+    ending: Ending | None
 
 
 class SelectionQuery(Struct, frozen=True):
@@ -196,6 +207,9 @@ class SessionChange(Struct, frozen=True):
 
     name: Name | None = None
     finished: bool | None = None
+    """True also deletes the photos that were undone: until then they can be brought back."""
+    deleted: bool | None = None
+    """True deletes the whole session, for 30 days until it is erased; false brings it back."""
 
 
 class SessionSummary(Struct, frozen=True):
@@ -216,6 +230,10 @@ class SessionSummary(Struct, frozen=True):
     """The last one told."""
     live: bool
     """A phone is connected now."""
+    deleted_s: float | None = None
+    """When it was deleted; it can be restored for 30 days."""
+    damaged: int = 0
+    """Records and samples on the server's disk that cannot be read and were left out."""
 
 
 class Session(Struct, frozen=True):
@@ -354,6 +372,9 @@ class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
     sessions: list[SessionSummary]
+    """Deleted ones too, while they can be restored."""
+    problems: list[str] = []
+    """A sentence for each session that cannot be opened."""
 
 
 SessionEvent = SessionState | CaptureChanged | SessionChanged
