@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from peaking.commands.arguments import ArgumentError
+from peaking.terminal import say
 
 if TYPE_CHECKING:
     import ssl
@@ -41,6 +41,13 @@ def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     return [f"https://{name}:{port}" for name in hosts], context
 
 
+def keep_private() -> None:
+    """Let nobody but the owner read what this process writes from now on."""
+    import os
+
+    os.umask(0o077)
+
+
 def say_skipped(problem: str) -> None:
     """Report a session that cannot be opened."""
-    print(f"skipped: {problem}", file=sys.stderr)
+    say(f"skipped: {problem}", problem=True)

@@ -14,6 +14,7 @@ from peaking.errors import OutputError
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.events import Hub
 from peaking.server.sessions import SessionStore
+from peaking.terminal import LOGGING
 
 CLIENT_DIR = Path(__file__).parent / "client"
 PORTS_TO_TRY = 20
@@ -93,6 +94,7 @@ def run(
         app,
         http="httptools",
         ws="none",
+        log_config=LOGGING,
         log_level="warning",
         access_log=False,
         server_header=False,
