@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from peaking.server.certificates import authority, lan_addresses, server_context
 from capture_uploads import SESSION_ID, new_session, upload
+from peaking.server.certificates import authority, lan_addresses, server_context
 from peaking.server.serving import bind
 
 PEAKING = "from peaking.cli import main; main()"
@@ -140,10 +140,11 @@ def test_a_folder_is_served_once_and_is_private(tmp_path: Path) -> None:
         assert connection.getresponse().status == 201
         connection.close()
         two, refused = run(demo, tmp_path, "another process")
-        end(two)
+        assert two.stdout is not None
+        two.stdout.close()
+        assert two.wait(30) == 2
         assert f"another process ('peaking demo', number {one.pid}" in refused
         assert "Traceback" not in refused
-        assert two.returncode == 2
     finally:
         end(one)
     paths = [folder, *folder.rglob("*")]
