@@ -49,7 +49,7 @@ def mark_paired(scope: Scope, device: str | None = None) -> None:
         scope[DEVICE] = device
     told = scope.get("extensions", {}).get(PAIRED)
     if told is not None:
-        told()
+        told(device)
 
 
 def device_of(request: Request) -> str:
