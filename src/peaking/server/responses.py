@@ -10,6 +10,7 @@ import msgspec
 from starlette.responses import Response, StreamingResponse
 
 from peaking.server import wire
+from peaking.server.fair_room import Busy
 
 ProblemKind = Literal[
     "busy",
@@ -64,6 +65,11 @@ def type_and_title(status: int, kind: ProblemKind | None) -> tuple[str, str]:
 def problem_response(described: wire.Problem, headers: Mapping[str, str] | None = None) -> Response:
     """Return a problem, or one with more fields."""
     return _json(described, described.status, PROBLEM_JSON, headers or {})
+
+
+def busy(error: Busy) -> Response:
+    """Return a refusal of something that is only to be sent again later."""
+    return problem(503, str(error), kind="busy", headers={"Retry-After": str(error.retry_after_s)})
 
 
 def event_stream(events: AsyncIterable[bytes]) -> Response:

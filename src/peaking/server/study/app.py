@@ -25,10 +25,12 @@ from starlette.routing import Mount, Route
 from peaking.errors import PeakingError
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
+from peaking.server.fair_room import Busy
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
 from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
+    busy,
     event_stream,
     json_response,
     problem,
@@ -317,6 +319,8 @@ def _refusals() -> dict[Any, Any]:
                 return problem(409, str(error), kind="out-of-date")
             case UnknownParticipant():
                 return problem(404, str(error))
+            case Busy():
+                return busy(error)
             case BadUpload():
                 return problem(error.status, str(error), kind=error.kind)
             case HTTPException():
