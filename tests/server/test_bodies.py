@@ -109,7 +109,7 @@ def test_a_full_queue_is_said_before_the_body_is_read(
 def test_places_are_given_back_on_every_way_out(tmp_path: Path, body: bytes) -> None:
     with client_of(tmp_path) as client:
         client.put(SESSION, json=new_session())
-        for _ in range(30):  # a session has 8 places
+        for _ in range(100):  # a session has 51 places
             assert client.put(capture_path(1), content=body).status_code != 503
 
 
@@ -126,8 +126,8 @@ def test_one_session_that_floods_has_few_places(
     with client_of(tmp_path) as client:
         client.put(SESSION, json=new_session())
         client.put(other, json=new_session())
-        statuses = [client.put(capture_path(n), content=upload(1)).status_code for n in range(12)]
-        assert statuses == [201] * 8 + [503] * 4
+        statuses = [client.put(capture_path(n), content=upload(1)).status_code for n in range(60)]
+        assert statuses == [201] * 51 + [503] * 9
         late = client.put(f"{other}/captures/{capture_id(1)}", content=upload(1))
         assert late.status_code == 201
         goes_on.set()

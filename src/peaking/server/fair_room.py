@@ -12,8 +12,9 @@ from peaking.errors import PeakingError
 SPREAD_S = 8
 """Those who are refused are asked to come back within so long, each at another second."""
 
+SESSION_MOST = 64
 SESSION_PART = 8
-"""A session has at most so many places, and at most this part of what its device may still take."""
+"""A session has at most so many places, and one in so many of those its device may still take."""
 
 
 class Busy(PeakingError):
@@ -67,7 +68,7 @@ class FairRoom:
                 del self._of_sessions[key]
 
     def _has_enough(self, device: str, session: str, left: int) -> bool:
-        places = max(1, min(left // SESSION_PART, SESSION_PART))
+        places = max(1, min(left // SESSION_PART, SESSION_MOST))
         return self._of_sessions[device, session] >= places
 
 
