@@ -203,19 +203,6 @@ def test_a_full_disk_is_507(client: TestClient, monkeypatch: pytest.MonkeyPatch)
     assert client.put(capture_path(1), content=upload(1)).status_code == 201
 
 
-def test_a_full_queue_asks_to_come_again(
-    client: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from peaking.server.generation import GenerationQueue
-
-    with monkeypatch.context() as patch:
-        patch.setattr(GenerationQueue, "room", False)
-        answer = client.put(capture_path(1), content=upload(1))
-    assert (answer.status_code, answer.headers["retry-after"]) == (503, "2")
-    assert answer.json()["title"] == "The server is busy"
-    assert client.get(SESSION).json()["captures"] == []
-
-
 def test_what_breaks_inside_says_nothing_of_the_inside(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,9 +30,11 @@ from peaking.output import encode_jpeg, write_atomically
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
+from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
+from peaking.server.fair_room import Busy, Share
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import (
     NotRestorable,
@@ -45,14 +47,20 @@ from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
 from peaking.server.recordings import PlayedRecording
-from peaking.server.requests import id_in_path, read_body, read_json
-from peaking.server.responses import LASTING, attachment, event_stream, json_response, problem
+from peaking.server.requests import device_of, id_in_path, read_body, read_json
+from peaking.server.responses import (
+    LASTING,
+    attachment,
+    busy,
+    event_stream,
+    json_response,
+    problem,
+)
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 THUMBNAIL_PX = 240
-RETRY_AFTER_S = 2
 _log = logging.getLogger("peaking.server")
 
 
@@ -240,21 +248,15 @@ class _Handlers:
     async def upload(self, request: Request) -> Response:
         session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
-        body = await read_body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
-        upload = await run_in_threadpool(parse_upload, body)
-        if not self.queue.room:
-            return problem(
-                503,
-                "The server is busy; the phone tries again.",
-                kind="busy",
-                headers={"Retry-After": str(RETRY_AFTER_S)},
-            )
-        capture, created = await run_in_threadpool(session.store_capture, capture_id, upload)
-        if created:
-            self.queue.put(session, capture_id)
-            self._tell_capture(session, capture)
+        place = self.queue.reserve(device_of(request), session)
+        try:
+            body = await read_body(request, self.config.max_upload_bytes)
+            capture, created = await run_in_threadpool(self._keep, session, capture_id, body, place)
+        except BaseException:
+            place.give_back()
+            raise
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
@@ -312,6 +314,18 @@ class _Handlers:
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
     # Inside
+
+    def _keep(
+        self, session: OpenSession, capture_id: str, body: bytes, place: Share
+    ) -> tuple[wire.Capture, bool]:
+        """Store an upload and have its MPI made (in a thread)."""
+        capture, created = session.store_capture(capture_id, parse_upload(body))
+        if created:
+            self.queue.put(session, capture_id, place)
+            self._tell_capture(session, capture)
+        else:
+            place.give_back()
+        return capture, created
 
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
@@ -392,6 +406,7 @@ def create_app(
         exception_handlers=_handlers(),
         lifespan=lifespan,
     )
+    app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
     app.add_middleware(Guard, token=config.token)
     return app
 
@@ -429,6 +444,8 @@ def _handlers() -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
             return problem(error.status, str(error), kind=error.kind)
+        if isinstance(error, Busy):
+            return busy(error)
         if isinstance(error, HTTPException):
             return problem(error.status_code, error.detail, headers=error.headers)
         if isinstance(error, UnknownSession | UnknownCapture):

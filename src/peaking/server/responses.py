@@ -12,6 +12,7 @@ import msgspec
 from starlette.responses import Response, StreamingResponse
 
 from peaking.server import wire
+from peaking.server.fair_room import Busy
 
 ProblemKind = Literal[
     "busy",
@@ -84,6 +85,11 @@ def attachment(name: str) -> Mapping[str, str]:
     return {
         "Content-Disposition": f"attachment; filename=\"{plain_name}\"; filename*=UTF-8''{exact}"
     }
+
+
+def busy(error: Busy) -> Response:
+    """Return a refusal of something that is only to be sent again later."""
+    return problem(503, str(error), kind="busy", headers={"Retry-After": str(error.retry_after_s)})
 
 
 def event_stream(events: AsyncIterable[bytes]) -> Response:

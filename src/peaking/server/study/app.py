@@ -25,11 +25,13 @@ from starlette.routing import Mount, Route
 from peaking.errors import PeakingError
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
+from peaking.server.fair_room import Busy
 from peaking.server.open_session import SessionGone
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
 from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
+    busy,
     event_stream,
     json_response,
     problem,
@@ -309,6 +311,8 @@ def _refusals() -> dict[Any, Any]:
                 return problem(404, str(error))
             case SessionGone():
                 return problem(410, str(error), kind="erased" if error.final else "deleted")
+            case Busy():
+                return busy(error)
             case BadUpload():
                 return problem(error.status, str(error), kind=error.kind)
             case HTTPException():
