@@ -170,3 +170,19 @@ def test_a_damaged_mpi_is_made_again_at_another_address(made: Path, tmp_path: Pa
             pass
         captures = client.get(f"/api/v1/sessions/{SESSION_ID}").json()["captures"]
         assert (captures[0]["state"], captures[0]["mpi_version"]) == ("ready", 2)
+
+
+def test_a_damaged_thumbnail_is_made_again(made: Path, tmp_path: Path) -> None:
+    root = copied(made, tmp_path)
+    sound = {}
+    for thumbnail in root.glob("*/mpi/000001.thumbnail.*.jpg"):
+        data = bytearray(thumbnail.read_bytes())
+        sound[thumbnail] = bytes(data)
+        data[len(data) // 2] ^= 1
+        thumbnail.write_bytes(bytes(data))
+    path = f"/api/v1/sessions/{SESSION_ID}/captures/{capture_id(1)}/thumbnail"
+    with client_of(root) as client:
+        assert client.get(path).content in sound.values()
+        (folder,) = root.glob(f"*_{SESSION_ID[:8]}")
+        (kept,) = folder.glob("mpi/000001.thumbnail.*.jpg")
+        assert kept.read_bytes() == sound[kept]

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
@@ -23,16 +22,14 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
-from peaking.datasets.stored_images import read_picture
 from peaking.errors import PeakingError
 from peaking.options import DEFAULT, Options
-from peaking.output import encode_jpeg, write_atomically
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
-from peaking.server.disk_full import DiskFull, room_explained
+from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, Share
 from peaking.server.generation import GenerationQueue
@@ -58,9 +55,9 @@ from peaking.server.responses import (
 )
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
+from peaking.server.thumbnails import thumbnail
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
-THUMBNAIL_PX = 240
 _log = logging.getLogger("peaking.server")
 
 
@@ -310,7 +307,7 @@ class _Handlers:
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        data = await run_in_threadpool(_thumbnail, session, capture)
+        data = await run_in_threadpool(thumbnail, session, capture.id)
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
     # Inside
@@ -468,17 +465,3 @@ def _file(path: Path, media_type: str) -> Response:
     if not path.is_file():
         raise HTTPException(404, "There is no such file.")
     return FileResponse(path, media_type=media_type, headers=LASTING)
-
-
-def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:
-    path = session.folder / "mpi" / f"{capture.number:06d}.thumbnail.jpg"
-    if path.is_file():
-        return path.read_bytes()
-    rgb = read_picture(session.photo_path(capture.id))
-    height, width = rgb.shape[:2]
-    scale = min(THUMBNAIL_PX / max(height, width), 1.0)
-    size = (max(round(width * scale), 1), max(round(height * scale), 1))
-    data = encode_jpeg(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), quality=85)
-    with contextlib.suppress(DiskFull), room_explained():  # made again when it is asked for again
-        write_atomically(path, data)
-    return data
