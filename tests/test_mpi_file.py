@@ -506,7 +506,7 @@ def test_bits_behind_the_last_place() -> None:
 
 def test_places_beyond_any_memory() -> None:
     depths_m = np.linspace(9, 1, 1000).tolist()
-    data = file_by_hand(b"", width_px=16384, height_px=16384, plane_depths_m=depths_m)
+    data = file_by_hand(b"", width_px=4096, height_px=4096, plane_depths_m=depths_m)
     with pytest.raises(MpiFileError, match="places of tiles"):
         decode(data)
 

@@ -18,12 +18,14 @@ from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
 from peaking.errors import PeakingError
+from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
+from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
@@ -56,6 +58,7 @@ from peaking.server.responses import (
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.thumbnails import thumbnail
+from peaking.server.told import without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 _log = logging.getLogger("peaking.server")
@@ -72,6 +75,7 @@ class ServerOptions:
         recordings: What can be played as the camera, by name.
         max_upload_bytes: Larger uploads are refused.
         secure: Served over https.
+        keep_exif: Photos keep their metadata: where, when and with what they were taken.
     """
 
     token: str | None
@@ -80,6 +84,7 @@ class ServerOptions:
     recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
     max_upload_bytes: int = 64_000_000
     secure: bool = False
+    keep_exif: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -106,6 +111,7 @@ class _Handlers:
         self.config = config
         self.hub = hub
         self._selecting = asyncio.Lock()
+        self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
@@ -223,7 +229,7 @@ class _Handlers:
         session = self._session(request)
         files = await run_in_threadpool(session.dataset_files)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files)),
+            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
             media_type="application/zip",
             headers=attachment(f"{session.folder.name}.zip"),
         )
@@ -302,12 +308,14 @@ class _Handlers:
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        return _file(session.photo_path(capture.id), "image/jpeg")
+        data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
+        return Response(data, media_type="image/jpeg", headers=LASTING)
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        data = await run_in_threadpool(thumbnail, session, capture.id)
+        async with self._decoding:
+            data = await run_in_threadpool(thumbnail, session, capture.id)
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
     # Inside
@@ -316,7 +324,9 @@ class _Handlers:
         self, session: OpenSession, capture_id: str, body: bytes, place: Share
     ) -> tuple[wire.Capture, bool]:
         """Store an upload and have its MPI made (in a thread)."""
-        capture, created = session.store_capture(capture_id, parse_upload(body))
+        capture, created = session.store_capture(
+            capture_id, parse_upload(body, keep_exif=self.config.keep_exif)
+        )
         if created:
             self.queue.put(session, capture_id, place)
             self._tell_capture(session, capture)
@@ -337,7 +347,8 @@ class _Handlers:
 
     def _list(self) -> wire.SessionList:
         sessions = [s.summary(live=self.hub.is_live(s.id)) for s in self.store.all_sessions()]
-        return wire.SessionList(sessions, self.store.problems)
+        problems = [without_paths(problem, self.store.root) for problem in self.store.problems]
+        return wire.SessionList(sessions, problems)
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
@@ -400,7 +411,7 @@ def create_app(
             *routes_of_recordings(config.recordings),
             *client_pages(config.client_dir),
         ],
-        exception_handlers=_handlers(),
+        exception_handlers=_handlers(store.root),
         lifespan=lifespan,
     )
     app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
@@ -437,7 +448,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
     ]
 
 
-def _handlers() -> Mapping[Any, Any]:
+def _handlers(root: Path) -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
             return problem(error.status, str(error), kind=error.kind)
@@ -456,12 +467,20 @@ def _handlers() -> Mapping[Any, Any]:
         if isinstance(error, DiskFull):
             return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)
+        if isinstance(error, PeakingError):
+            return problem(500, without_paths(str(error), root))
         return problem(500, "Something went wrong on the server. Its log has the details.")
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
 
-def _file(path: Path, media_type: str) -> Response:
-    if not path.is_file():
-        raise HTTPException(404, "There is no such file.")
-    return FileResponse(path, media_type=media_type, headers=LASTING)
+def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
+    """Return a photo; those that an earlier version stored with metadata lose it here."""
+    try:
+        data = session.photo_path(capture.id).read_bytes()
+    except FileNotFoundError:
+        raise HTTPException(404, "There is no such file.") from None
+    try:
+        return data if keep_exif else without_metadata(data)
+    except ValueError as error:
+        raise HTTPException(500, f"The photo is damaged on the disk: {error}.") from error

@@ -19,6 +19,7 @@ from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
 from peaking.server import wire
+from peaking.server.attempts import counted_attempt
 from peaking.server.disk_full import DiskFull
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import FairRoom, Share
@@ -179,12 +180,13 @@ class GenerationQueue:
         if capture.removed or (capture.state == "ready" and not capture.guessed):
             return capture
         try:
-            frame = session.frame_of(capture.id)
-            others = self._others(builder, session, capture, frame)
-            if capture.state == "ready":
-                made = builder.rebuild_guessed(frame, others)
-            else:
-                made = builder.build(frame, others)
+            with _attempt(session, capture, "first"):
+                frame = session.frame_of(capture.id)
+                others = self._others(builder, session, capture, frame)
+                if capture.state == "ready":
+                    made = builder.rebuild_guessed(frame, others)
+                else:
+                    made = builder.build(frame, others)
             if made is None:
                 return capture  # as much of a guess as before
             ready = _kept(session, capture, made)
@@ -219,8 +221,9 @@ class GenerationQueue:
             if capture.removed or capture.guessed or capture.generator == builder.options.generator:
                 continue
             try:
-                frame = session.frame_of(capture_id)
-                made = builder.build(frame, self._others(builder, session, capture, frame))
+                with _attempt(session, capture, "better"):
+                    frame = session.frame_of(capture_id)
+                    made = builder.build(frame, self._others(builder, session, capture, frame))
                 if made.metric:
                     self._on_done(session, _kept(session, capture, made))
             except PeakingError as error:
@@ -252,6 +255,13 @@ class GenerationQueue:
             )
             for other in (around[number] for number in views_to_ask(cameras, frame.camera))
         ]
+
+
+def _attempt(
+    session: OpenSession, capture: wire.Capture, which: str
+) -> contextlib.AbstractContextManager[None]:
+    marker = session.folder / "mpi" / f".{capture.number:06d}.{which}.begun"
+    return counted_attempt(marker, session.photo_path(capture.id))
 
 
 def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wire.Capture:

@@ -39,6 +39,7 @@ from peaking.server.dataset import (
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.recovery import recovered_captures
 from peaking.server.session_log import SessionLog
+from peaking.server.told import without_paths
 from peaking.server.upload import Upload, camera_of_wire
 
 TRANSFORMS = "transforms.json"
@@ -438,10 +439,11 @@ class OpenSession:
 
     def mark_not_better(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why no better MPI was made; the one that is there stays."""
-        return self._change(capture_id, problem=problem)
+        return self._change(capture_id, problem=without_paths(problem, self.folder))
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why there is no MPI of a capture; it is tried again after a restart."""
+        problem = without_paths(problem, self.folder)
         return self._change(capture_id, state="failed", problem=problem)
 
     def rename(self, name: str) -> None:
