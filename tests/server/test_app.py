@@ -400,3 +400,17 @@ def test_the_four_endings_of_a_photo(client: TestClient) -> None:
         client.patch(SESSION, json={"deleted": False}),
     ):
         assert (answer.status_code, answer.json()["type"]) == (410, "urn:peaking:problem:erased")
+
+
+def test_what_was_deleted_long_ago_is_erased_while_the_server_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("peaking.server.app.ERASED_EVERY_S", 0.01)
+    monkeypatch.setattr("peaking.server.sessions.RESTORABLE_S", -1.0)
+    with client_of(tmp_path) as client:
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
+        client.patch(SESSION, json={"deleted": True})
+        while client.get(SESSION).json().get("type") != "urn:peaking:problem:erased":
+            pass
+        assert not list(tmp_path.rglob("*.jpg"))

@@ -61,6 +61,7 @@ from peaking.server.thumbnails import thumbnail
 from peaking.server.told import without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
+ERASED_EVERY_S = 3600.0
 _log = logging.getLogger("peaking.server")
 
 
@@ -115,6 +116,16 @@ class _Handlers:
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
+
+    async def erase_expired(self) -> None:
+        """Erase, as long as this runs, what was deleted too long ago to be restored."""
+        while True:
+            await asyncio.sleep(ERASED_EVERY_S)
+            try:
+                if await run_in_threadpool(self.store.erase_expired):
+                    self.hub.send(SERVER, await run_in_threadpool(self._list))
+            except OSError:  # a full disk: tried again
+                _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
@@ -402,7 +413,9 @@ def create_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        erasing = asyncio.ensure_future(server.erase_expired())
         yield
+        erasing.cancel()
         server.close()
 
     app = Starlette(
