@@ -414,3 +414,17 @@ def test_what_was_deleted_long_ago_is_erased_while_the_server_runs(
         while client.get(SESSION).json().get("type") != "urn:peaking:problem:erased":
             pass
         assert not list(tmp_path.rglob("*.jpg"))
+
+
+def test_browsers_ask_each_time_for_what_may_be_taken_back(client: TestClient) -> None:
+    client.put(capture_path(1), content=upload(1))
+    for what in ("photo", "thumbnail"):
+        path = f"{capture_path(1)}/{what}"
+        first = client.get(path)
+        assert first.headers["cache-control"] == "private, no-cache"
+        asked = {"If-None-Match": first.headers["etag"]}
+        again = client.get(path, headers=asked)
+        assert (again.status_code, again.content) == (304, b"")
+    client.delete(capture_path(1))
+    for what in ("photo", "thumbnail"):
+        assert client.get(f"{capture_path(1)}/{what}").status_code == 404

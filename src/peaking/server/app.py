@@ -54,6 +54,7 @@ from peaking.server.responses import (
     event_stream,
     json_response,
     problem,
+    while_it_lasts,
 )
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
@@ -320,14 +321,14 @@ class _Handlers:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
         data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
         async with self._decoding:
             data = await run_in_threadpool(thumbnail, session, capture.id)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     # Inside
 
