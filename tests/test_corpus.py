@@ -222,7 +222,7 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
         phone_links=["http://localhost/participant?participant="],
     )
     app = create_study_app(
-        study=OpenStudy(folder), sessions=store, capture=capture_app(store), config=config
+        study=OpenStudy(folder, store), capture=capture_app(store), config=config
     )
     with TestClient(app, base_url="http://localhost") as client:
         participants = "/api/v1/study/participants"

@@ -16,6 +16,7 @@ PeakingError
 ├── DiskFull            there is no room on the server's disk
 ├── UnknownSession      there is no session of this id
 ├── UnknownCapture      there is no capture of this id in the session
+├── NotAdmitted         a paired device may not do this
 ├── SessionGone         the session was deleted or erased
 ├── NotRestorable       the files of a capture are deleted
 ├── UnknownParticipant  the study has no participant of this pseudonym

@@ -33,11 +33,11 @@ from peaking.server.app import ServerOptions, create_app
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyServerOptions, create_study_app
+from peaking.server.study.erasure import erase_participant
 from peaking.server.study.open_study import OpenStudy
 from peaking.splat.ply import read_ply, write_ply
 from peaking.study.analysis.matrix import matrices_of
 from peaking.study.analysis.measure_analysis import analyse
-from peaking.study.privacy import erase_participant
 from peaking.study.tables import read_study
 from recordings import Room, lateral_cameras, write_recording
 
@@ -266,8 +266,7 @@ def _study(folder: Path) -> None:
         phone_links=["http://localhost/participant?participant="],
     )
     app = create_study_app(
-        study=OpenStudy(folder, clock=_clock()),
-        sessions=sessions,
+        study=OpenStudy(folder, sessions, clock=_clock()),
         capture=_capture_app(sessions, folder),
         config=config,
     )

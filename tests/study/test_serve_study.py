@@ -7,18 +7,28 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+import msgspec
 import pytest
 from starlette.testclient import TestClient
 
+from capture_uploads import capture_id, photo, upload
 from peaking.errors import StudyError
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyServerOptions, create_study_app
+from peaking.server.study.erasure import erase_participant
 from peaking.server.study.open_study import OpenStudy
 from peaking.server.wire import PROTOCOL
-from peaking.study.privacy import erase_participant, held
+from peaking.study.privacy import held
 from peaking.study.protocol import FILE_NAME
-from peaking.study.records import log_of, read_participants
+from peaking.study.records import (
+    ParticipantRecord,
+    log_of,
+    pseudonyms,
+    read_events,
+    read_participants,
+    record_of,
+)
 from study.test_protocol import SMALL
 
 P01 = "/api/v1/study/participants/P01"
@@ -30,8 +40,11 @@ SESSION = "5e551011-0000-4000-8000-000000000001"
 
 def open_client(folder: Path, *, token: str | None = None) -> TestClient:
     sessions = SessionStore(folder / "sessions")
+    study = OpenStudy(folder, sessions)
     capture = create_app(
-        store=sessions, config=ServerOptions(token=token, client_dir=folder / "none")
+        store=sessions,
+        config=ServerOptions(token=token, client_dir=folder / "none"),
+        admission=study,
     )
     config = StudyServerOptions(
         token=token,
@@ -39,9 +52,7 @@ def open_client(folder: Path, *, token: str | None = None) -> TestClient:
         client_dir=folder / "none",
         phone_links=["http://localhost/participant?participant="],
     )
-    app = create_study_app(
-        study=OpenStudy(folder), sessions=sessions, capture=capture, config=config
-    )
+    app = create_study_app(study=study, capture=capture, config=config)
     return TestClient(app, base_url="http://localhost")
 
 
@@ -371,9 +382,195 @@ def test_who_is_erased_is_gone_and_the_pseudonym_stays_taken(
 ) -> None:
     consent(client)
     assert log_of(study, "P01").path.is_file()
+    client.__exit__()
     erase_participant(study, "P01")
     assert not (study / "participants" / "P01").exists()
     with pytest.raises(StudyError, match="none yet"):
         erase_participant(study, "P01")
     with restarted(client, study) as again:
         assert add(again).json() == {"participant": "P02"}
+
+
+# Consent is asked where photos come in
+
+
+OTHER = "5e551011-0000-4000-8000-000000000002"
+BEGUN = {"protocol": PROTOCOL, "name": "x", "source": "virtual"}
+
+
+def of_p02(what: str) -> str:
+    return f"{P01[:-3]}P02/{what}"
+
+
+def capture_of(session: str, number: int = 1) -> str:
+    return f"/api/v1/sessions/{session}/captures/{capture_id(number)}"
+
+
+def is_due(client: TestClient, key: str) -> None:
+    """Bring P01, who agreed, to a step of the first trial, and start it."""
+    if step(client) == "t1.scan" != key:
+        do_phase(client, "t1.scan")
+    assert order(client, "started", key) == 200
+
+
+def photos_of(study: Path) -> set[int]:
+    there = {path.read_bytes() for path in study.rglob("*") if path.is_file()}
+    return {number for number in range(1, 9) if photo(number) in there}
+
+
+@pytest.mark.parametrize("agreed", [None, False])
+def test_without_consent_nothing_is_taken_in(
+    client: TestClient, study: Path, agreed: bool | None
+) -> None:
+    if agreed is not None:
+        client.put(f"{P01}/consent", json={"agreed": agreed, "images": True})
+    assert link(client, "t1.capture") == 409
+    begun = client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    assert (begun.status_code, begun.json()["type"]) == (403, "urn:peaking:problem:not-admitted")
+    assert client.put(capture_of(SESSION), content=upload(1)).status_code == 404
+    event = {"kind": "CaptureBegun", "id": "e1", "step": "t1.capture", "time_s": 1.0}
+    assert tell(client, {"session": SESSION, "events": [event]}) == 409
+    assert photos_of(study) == set()
+
+
+def test_a_session_is_granted_to_one_participant_in_a_step_that_captures(
+    client: TestClient, study: Path
+) -> None:
+    add(client)
+    client.put(of_p02("consent"), json={"agreed": True, "images": True})
+    consent(client)
+    assert client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN).status_code == 403
+    is_due(client, "t1.capture")
+    assert link(client, "t1.capture") == 200
+    assert link(client, "t1.capture") == 200
+    assert client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN).status_code == 201
+    assert client.put(capture_of(SESSION), content=upload(1)).status_code == 201
+    # P02 names it too, to have it erased with theirs.
+    theirs = {"session": SESSION}
+    step_of_p02 = client.get(of_p02("")[:-1]).json()["step"]["key"]
+    client.put(f"{CONSOLE}/participants/P02/steps/{step_of_p02}/started")
+    stolen = client.put(of_p02(f"steps/{step_of_p02}/session"), json=theirs)
+    assert (stolen.status_code, "somebody else" in stolen.json()["detail"]) == (409, True)
+    client.__exit__()
+    erase_participant(study, "P02")
+    assert photos_of(study) == {1}
+    erase_participant(study, "P01")
+    assert photos_of(study) == set()
+
+
+def test_a_phone_erases_nobodys_session(client: TestClient) -> None:
+    consent(client)
+    is_due(client, "t1.capture")
+    link(client, "t1.capture")
+    client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    assert client.delete(f"/api/v1/sessions/{SESSION}").status_code == 403
+    deleted = client.patch(f"/api/v1/sessions/{SESSION}", json={"deleted": True})
+    assert deleted.status_code == 403
+
+
+def test_nothing_is_captured_in_a_form(client: TestClient) -> None:
+    consent(client)
+    if step(client) == "t1.scan":
+        do_phase(client, "t1.scan")
+    do_phase(client, "t1.capture")
+    do_phase(client, "t1.review")
+    assert step(client) == "t1.ask.sus"
+    assert link(client, "t1.ask.sus") == 409
+
+
+def test_who_is_erased_stays_erased_whatever_phones_send(client: TestClient, study: Path) -> None:
+    consent(client)
+    is_due(client, "t1.capture")
+    link(client, "t1.capture")
+    client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    client.put(capture_of(SESSION), content=upload(1))
+    client.__exit__()
+    erase_participant(study, "P01")
+    assert photos_of(study) == set()
+    with open_client(study) as again:
+        for answer in (
+            again.put(f"/api/v1/sessions/{SESSION}", json=BEGUN),
+            again.put(capture_of(SESSION, 2), content=upload(2)),
+            again.get(f"/api/v1/sessions/{SESSION}"),
+        ):
+            assert answer.status_code in (403, 410)
+        assert again.get(P01).status_code == 404
+    assert photos_of(study) == set()
+
+
+def test_a_console_order_of_who_was_erased_adds_nobody(client: TestClient, study: Path) -> None:
+    new = str(uuid4())
+    assert add(client, new).status_code == 201
+    client.__exit__()
+    erase_participant(study, "P02")
+    with open_client(study) as again:
+        assert add(again, new).status_code == 409
+        assert add(again).json() == {"participant": "P03"}
+
+
+def test_photos_go_at_the_next_start_when_the_server_died_after_the_review(
+    client: TestClient, study: Path
+) -> None:
+    consent(client, images=False)
+    is_due(client, "t1.capture")
+    link(client, "t1.capture")
+    client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    client.put(capture_of(SESSION), content=upload(1))
+    order(client, "finished", "t1.capture")
+    client.__exit__()
+    at = {"at_s": 1.0, "step": "t1.review", "by": "experimenter"}
+    with log_of(study, "P01").path.open("ab") as log:
+        log.write(msgspec.json.encode({"type": "StepStarted", **at}) + b"\n")
+        log.write(msgspec.json.encode({"type": "StepFinished", **at}) + b"\n")
+    assert photos_of(study) == {1}
+    with open_client(study) as again:
+        assert photos_of(study) == set()
+        assert again.put(f"/api/v1/sessions/{SESSION}", json=BEGUN).status_code == 410
+
+
+def test_an_erasure_that_was_interrupted_is_finished_at_the_next_start(
+    client: TestClient, study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    consent(client)
+    is_due(client, "t1.capture")
+    link(client, "t1.capture")
+    client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    client.put(capture_of(SESSION), content=upload(1))
+    client.__exit__()
+
+    def power_cut(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("peaking.server.study.erasure.finish_erasures", power_cut)
+        with pytest.raises(KeyboardInterrupt):
+            erase_participant(study, "P01")
+    assert photos_of(study) == {1}
+    with open_client(study) as again:
+        assert add(again).json() == {"participant": "P02"}
+    assert photos_of(study) == set()
+    assert not (study / "participants" / "P01").exists()
+
+
+def test_a_damaged_log_sets_aside_its_participant_and_nobody_else(
+    client: TestClient, study: Path
+) -> None:
+    add(client)
+    consent(client)
+    client.__exit__()
+    log = log_of(study, "P01").path
+    data = log.read_bytes()
+    log.write_bytes(data[:-60] + bytes(30) + data[-30:])
+    with open_client(study) as again:
+        assert again.get(P01).status_code == 404
+        assert again.get(of_p02("")[:-1]).status_code == 200
+        assert add(again).json() == {"participant": "P03"}
+    rows = [r.row for r in read_participants_but(study, "P01")]
+    assert rows == [1, 2]
+    erase_participant(study, "P01")
+    assert not log.exists()
+
+
+def read_participants_but(study: Path, pseudonym: str) -> list[ParticipantRecord]:
+    names = [name for name in pseudonyms(study) if name != pseudonym]
+    return [record_of(read_events(log_of(study, name))) for name in names]

@@ -170,7 +170,8 @@ def test_erase_leaves_nothing_but_the_pseudonym(
 ) -> None:
     main(["study", "erase", str(study), "P01", "--yes"])
     assert pseudonyms(study) == []
-    assert [path.name for path in (study / "sessions").iterdir()] == ["other"]
+    assert [path.name for path in (study / "sessions").glob("[!.]*")] == ["other"]
+    assert list((study / "sessions" / ".deleted").iterdir()) == []
     left = b"".join(path.read_bytes() for path in study.rglob("*") if path.is_file())
     assert b"q1" not in left
     assert b'"participant":"P01"' in (study / "erased.jsonl").read_bytes()

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
+from peaking.server.sessions import SessionStore
 from peaking.server.study import wire
-from peaking.server.study.open_participant import OpenParticipant
 from peaking.server.study.open_study import OpenStudy
 from peaking.study.procedure import current
 from peaking.study.records import log_of, read_events
@@ -50,12 +50,14 @@ def test_a_log_that_is_cut_anywhere_is_a_log_of_what_came_before(
     first_trial(client)
     client.patch(f"{P01}/steps/t1.ask.sus/draft", json={"answers": {"q1": 3}})
     client.put(f"{P01}/steps/t1.ask.sus/answers", json={"answers": SUS})
+    client.__exit__()
+    sessions = SessionStore(study / "sessions")
     log = log_of(study, "P01")
     whole, events = log.path.read_bytes(), read_events(log)
     begun = whole.index(b"\n") + 1
     for cut in range(begun, len(whole) + 1, 3):
         log.path.write_bytes(whole[:cut])
-        (again,) = OpenStudy(study).participants.values()
+        (again,) = OpenStudy(study, sessions).participants.values()
         kept = whole[:cut].count(b"\n")
         assert again.events == events[:kept]
         assert again.current == current(again.steps, events[:kept])
@@ -65,7 +67,8 @@ def test_a_log_that_is_cut_anywhere_is_a_log_of_what_came_before(
 
 def test_handed_in_by_many_tabs_at_once_it_counts_once(client: TestClient, study: Path) -> None:
     first_trial(client)
-    participant: OpenParticipant = OpenStudy(study).get("P01")
+    client.__exit__()
+    participant = OpenStudy(study, SessionStore(study / "sessions")).get("P01")
     answers = wire.Answered(answers={**SUS})
 
     def hand_in(_: int) -> None:

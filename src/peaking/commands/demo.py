@@ -47,13 +47,14 @@ class Demo:
         import ipaddress
         import webbrowser
 
-        from peaking.commands.serving import check_port, say_skipped
+        from peaking.commands.serving import check_port, keep_private, say_skipped
         from peaking.datasets import open_recording
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
 
         check_port(self.port)
+        keep_private()
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host
         with checked_arguments():
             options = self.method.options()

@@ -49,7 +49,7 @@ class Serve:
 
         import segno
 
-        from peaking.commands.serving import check_port, https_origins, say_skipped
+        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
         from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
         from peaking.server.serving import CLIENT_DIR, bind, serve
@@ -58,6 +58,7 @@ class Serve:
         if len(token) < MIN_TOKEN_CHARS:
             raise ArgumentError(f"need --token of at least {MIN_TOKEN_CHARS} characters")
         check_port(self.port)
+        keep_private()
         with checked_arguments():
             options = self.method.options()
         listener = bind("127.0.0.1" if self.adb else self.host, self.port)

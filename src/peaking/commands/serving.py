@@ -41,6 +41,13 @@ def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     return [f"https://{name}:{port}" for name in hosts], context
 
 
+def keep_private() -> None:
+    """Let nobody but the owner read what this process writes from now on."""
+    import os
+
+    os.umask(0o077)
+
+
 def say_skipped(problem: str) -> None:
     """Report a session that cannot be opened."""
     say(f"skipped: {problem}", problem=True)

@@ -28,15 +28,17 @@ class Export:
 
     def run(self) -> None:
         """Write it."""
+        from peaking.commands.serving import keep_private
         from peaking.study.privacy import export_participant
 
+        keep_private()
         export_participant(self.folder, self.participant, self.out)
         say(f"Wrote {self.out}")
 
 
 @dataclass(frozen=True)
 class Erase:
-    """Delete all data of a participant, photos included. This cannot be undone.
+    """Erase all data of a participant, photos included. This cannot be undone.
 
     Only the pseudonym stays reserved. The next participant takes their place in the design.
 
@@ -53,8 +55,10 @@ class Erase:
 
     def run(self) -> None:
         """Ask, and delete."""
-        from peaking.study.privacy import erase_participant
+        from peaking.commands.serving import keep_private
+        from peaking.server.study.erasure import erase_participant
 
+        keep_private()
         if not self.yes:
             answer = input(
                 harmless(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")

@@ -41,7 +41,7 @@ class ServeStudy:
         """Serve until Ctrl-C."""
         import secrets
 
-        from peaking.commands.serving import check_port, https_origins, say_skipped
+        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
         from peaking.options import PRESETS
         from peaking.server.app import ServerOptions, create_app
         from peaking.server.events import Hub
@@ -53,9 +53,13 @@ class ServeStudy:
         from peaking.study.protocol import load_protocol
 
         check_port(self.port)
+        keep_private()
         load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
-            study = OpenStudy(self.folder)
+            sessions = SessionStore(self.folder / "sessions")
+            for problem in sessions.problems:
+                say_skipped(problem)
+            study = OpenStudy(self.folder, sessions)
             plain = self.local or self.adb
             listener = bind("127.0.0.1" if plain else self.host, self.port)
             port = listener.getsockname()[1]
@@ -67,13 +71,11 @@ class ServeStudy:
                 if self.local
                 else (secrets.token_urlsafe(18), secrets.token_urlsafe(18))
             )
-            sessions = SessionStore(self.folder / "sessions")
-            for problem in sessions.problems:
-                say_skipped(problem)
             hubs = Hub(), Hub()  # of the capture server, and of the study
             capture = create_app(
                 store=sessions,
                 hub=hubs[0],
+                admission=study,
                 config=ServerOptions(
                     token=token,
                     client_dir=CLIENT_DIR,
@@ -83,7 +85,6 @@ class ServeStudy:
             )
             app = create_study_app(
                 study=study,
-                sessions=sessions,
                 capture=capture,
                 hub=hubs[1],
                 config=StudyServerOptions(

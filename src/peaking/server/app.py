@@ -30,10 +30,13 @@ from peaking.options import DEFAULT, Options
 from peaking.output import encode_jpeg, write_atomically
 from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
+from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
+from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.events import SERVER, Hub
+from peaking.server.fair_room import Busy, Share
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import (
     NotRestorable,
@@ -46,15 +49,21 @@ from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
 from peaking.server.recordings import PlayedRecording
-from peaking.server.requests import id_in_path, read_body, read_json
-from peaking.server.responses import LASTING, attachment, event_stream, json_response, problem
+from peaking.server.requests import device_of, id_in_path, read_body, read_json
+from peaking.server.responses import (
+    LASTING,
+    attachment,
+    busy,
+    event_stream,
+    json_response,
+    problem,
+)
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
-from peaking.server.told import without_paths
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 THUMBNAIL_PX = 240
-RETRY_AFTER_S = 2
 _log = logging.getLogger("peaking.server")
 
 
@@ -96,9 +105,12 @@ class ServerOptions:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(self, store: SessionStore, config: ServerOptions, hub: Hub) -> None:
+    def __init__(
+        self, store: SessionStore, config: ServerOptions, hub: Hub, admission: Admission
+    ) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
+        self.admission = admission
         self.config = config
         self.hub = hub
         self._selecting = asyncio.Lock()
@@ -174,7 +186,7 @@ class _Handlers:
         session_id = id_in_path(request, "session")
         new = await read_json(request, wire.NewSession)
         check_protocol(new.protocol, by="client")
-        session, created = await run_in_threadpool(self.store.begin, session_id, new)
+        session, created = await run_in_threadpool(self._begin, session_id, new)
         if created:
             self._tell_summary(session)
         return json_response(self._state(session), status=201 if created else 200)
@@ -182,6 +194,10 @@ class _Handlers:
     async def change_session(self, request: Request) -> Response:
         session = self._any_session(request)
         change = await read_json(request, wire.SessionChange)
+        if change.deleted is None:
+            await run_in_threadpool(self.admission.to_add, session.id)
+        else:
+            await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
             await run_in_threadpool(self.store.restore, session.id)
             self._make_missing(session)
@@ -196,6 +212,7 @@ class _Handlers:
 
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
+        await run_in_threadpool(self.admission.to_end, session_id)
         await run_in_threadpool(self.store.erase, session_id)
         self.hub.end(session_id)
         self.hub.send(SERVER, self._list())
@@ -225,7 +242,7 @@ class _Handlers:
         return json_response(wire.PeakedSamples(await run_in_threadpool(session.peaked)))
 
     async def add_peaked(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         id_in_path(request, "batch")
         told = await read_json(request, wire.PeakedSamples)
         await run_in_threadpool(session.add_peaked, told.samples)
@@ -235,34 +252,29 @@ class _Handlers:
     # Captures
 
     async def upload(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
-        body = await read_body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
-        upload = await run_in_threadpool(parse_upload, body, keep_exif=self.config.keep_exif)
-        if not self.queue.room:
-            return problem(
-                503,
-                "The server is busy; the phone tries again.",
-                kind="busy",
-                headers={"Retry-After": str(RETRY_AFTER_S)},
-            )
-        capture, created = await run_in_threadpool(session.store_capture, capture_id, upload)
-        if created:
-            self.queue.put(session, capture_id)
-            self._tell_capture(session, capture)
+        place = self.queue.reserve(device_of(request), session)
+        try:
+            body = await read_body(request, self.config.max_upload_bytes)
+            capture, created = await run_in_threadpool(self._keep, session, capture_id, body, place)
+        except BaseException:
+            place.give_back()
+            raise
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
-        session = self._session(request)
+        session = await self._session_to_change(request)
         capture = await run_in_threadpool(session.remove_capture, id_in_path(request, "capture"))
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
         return json_response(capture)
 
     async def change_capture(self, request: Request) -> Response:
-        session, capture_id = self._session(request), id_in_path(request, "capture")
+        session = await self._session_to_change(request)
+        capture_id = id_in_path(request, "capture")
         change = await read_json(request, wire.CaptureChange)
         match change.ending:
             case "undone":
@@ -311,6 +323,19 @@ class _Handlers:
 
     # Inside
 
+    def _keep(
+        self, session: OpenSession, capture_id: str, body: bytes, place: Share
+    ) -> tuple[wire.Capture, bool]:
+        """Store an upload and have its MPI made (in a thread)."""
+        upload = parse_upload(body, keep_exif=self.config.keep_exif)
+        capture, created = session.store_capture(capture_id, upload)
+        if created:
+            self.queue.put(session, capture_id, place)
+            self._tell_capture(session, capture)
+        else:
+            place.give_back()
+        return capture, created
+
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
         self._tell_capture(session, capture)
@@ -345,20 +370,37 @@ class _Handlers:
     def _session(self, request: Request) -> OpenSession:
         return self.store.get(id_in_path(request, "session"))
 
+    async def _session_to_change(self, request: Request) -> OpenSession:
+        """Return a session that may be added to."""
+        session = self._session(request)
+        await run_in_threadpool(self.admission.to_add, session.id)
+        return session
+
+    def _begin(self, session_id: str, new: wire.NewSession) -> tuple[OpenSession, bool]:
+        owner = self.admission.to_begin(session_id)
+        return self.store.begin(session_id, new, owner=owner)
+
     def _any_session(self, request: Request) -> OpenSession:
         """Return a session that may be deleted."""
         return self.store.get_any(id_in_path(request, "session"))
 
 
-def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = None) -> Starlette:
+def create_app(
+    *,
+    store: SessionStore,
+    config: ServerOptions,
+    hub: Hub | None = None,
+    admission: Admission | None = None,
+) -> Starlette:
     """Return the application; a test can hold ten of them.
 
     Args:
         store: The sessions.
         config: What is served, and to whom.
         hub: Ends all streams of events when it is closed; one of its own by default.
+        admission: Who may begin sessions and add to them; everybody by default.
     """
-    server = _Handlers(store, config, hub or Hub())
+    server = _Handlers(store, config, hub or Hub(), admission or Everybody())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
@@ -374,6 +416,7 @@ def create_app(*, store: SessionStore, config: ServerOptions, hub: Hub | None = 
         exception_handlers=_handlers(store.root),
         lifespan=lifespan,
     )
+    app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
     app.add_middleware(Guard, token=config.token)
     return app
 
@@ -411,12 +454,16 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
             return problem(error.status, str(error), kind=error.kind)
+        if isinstance(error, Busy):
+            return busy(error)
         if isinstance(error, HTTPException):
             return problem(error.status_code, error.detail, headers=error.headers)
         if isinstance(error, UnknownSession | UnknownCapture):
             return problem(404, str(error))
         if isinstance(error, SessionGone):
             return problem(410, str(error), kind="erased" if error.final else "deleted")
+        if isinstance(error, NotAdmitted):
+            return problem(403, str(error), kind="not-admitted")
         if isinstance(error, NotRestorable):
             return problem(409, str(error))
         if isinstance(error, DiskFull):
@@ -424,7 +471,10 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
         _log.error("a request failed", exc_info=error)
         if isinstance(error, PeakingError):
             return problem(500, without_paths(str(error), root))
-        return problem(500, "Something went wrong on the server. Its log has the details.")
+        sentence = (
+            f"Something went wrong on the server ({cause_of(error)}). Its log has the details."
+        )
+        return problem(500, sentence)
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 

@@ -12,6 +12,7 @@ import msgspec
 from starlette.responses import Response, StreamingResponse
 
 from peaking.server import wire
+from peaking.server.fair_room import Busy
 
 ProblemKind = Literal[
     "busy",
@@ -20,6 +21,7 @@ ProblemKind = Literal[
     "erased",
     "incomplete",
     "invalid",
+    "not-admitted",
     "not-paired",
     "out-of-date",
     "protocol",
@@ -33,6 +35,7 @@ TITLES: Mapping[ProblemKind, str] = {
     "erased": "The session was erased",
     "incomplete": "The form is incomplete",
     "invalid": "The request is not valid",
+    "not-admitted": "This is not allowed",
     "not-paired": "This device is not paired",
     "out-of-date": "The page is out of date",
     "protocol": "Client and server speak different versions of the protocol",
@@ -82,6 +85,11 @@ def attachment(name: str) -> Mapping[str, str]:
     return {
         "Content-Disposition": f"attachment; filename=\"{plain_name}\"; filename*=UTF-8''{exact}"
     }
+
+
+def busy(error: Busy) -> Response:
+    """Return a refusal of something that is only to be sent again later."""
+    return problem(503, str(error), kind="busy", headers={"Retry-After": str(error.retry_after_s)})
 
 
 def event_stream(events: AsyncIterable[bytes]) -> Response:

@@ -46,10 +46,12 @@ class SessionStore:
         self._sessions: dict[str, OpenSession] = {}
         self._folder = StoreFolder(root)
         self.problems = self._folder.clean()
-        for log in self._folder.logs():
-            log.parent.chmod(PRIVATE)
+        for folder in self._folder.sessions():
+            if not (folder / session_log.FILE_NAME).is_file():
+                continue
             try:
-                self._take(OpenSession(log.parent, clock=clock))
+                folder.chmod(PRIVATE)
+                self._take(OpenSession(folder, clock=clock))
             except (RecordingError, OutputError, OSError) as error:
                 self.problems.append(str(error))
         self.erase_expired()
@@ -179,7 +181,8 @@ class SessionStore:
             session = self._sessions.pop(session_id, None)
             if session is not None:
                 session.close_for_ever()
-                self._folder.delete(session.folder)
+            for folder in self._folder.sessions_of([session_id]):
+                self._folder.delete(folder)
 
     def erase_expired(self) -> list[str]:
         """Erase the sessions that were deleted too long ago to be restored; return their ids."""
@@ -197,10 +200,6 @@ class SessionStore:
 
     def _take(self, session: OpenSession) -> None:
         """Take a session that was opened, and finish what a crash interrupted."""
-        if session.id in self._folder.erased_ids:
-            if not self._folder.delete(session.folder):
-                self.problems.append(f"{session.folder}: is erased; delete it by hand")
-            return
         if session.id in self._sessions:
             other = self._sessions[session.id].folder
             self.problems.append(

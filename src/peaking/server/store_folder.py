@@ -14,6 +14,7 @@ import shutil
 import sys
 import time
 import weakref
+from collections.abc import Collection
 from pathlib import Path
 
 import msgspec
@@ -82,14 +83,20 @@ class StoreFolder:
         """Where deleted sessions lie."""
         return self.root / DELETED
 
-    def logs(self) -> list[Path]:
-        """Return the logs of all sessions, deleted ones too, by name."""
-        found = [*self.root.glob(f"*/{session_log.FILE_NAME}")]
-        found += self.deleted.glob(f"*/{session_log.FILE_NAME}")
-        return sorted(
-            (log for log in found if not log.parent.name.startswith(".")),
-            key=lambda log: log.parent.name,
-        )
+    def sessions(self) -> list[Path]:
+        """Return the folders of all sessions, deleted ones too, by name."""
+        found = [*self.root.glob("[!.]*/"), *self.deleted.glob("[!.]*/")]
+        return sorted((path for path in found if path.is_dir()), key=lambda path: path.name)
+
+    def sessions_of(self, ids: Collection[str]) -> list[Path]:
+        """Return the folders of sessions of these ids, also of those that cannot be opened."""
+        endings = tuple(f"_{end}" for one in ids for end in (one, one[:8]))
+        found: list[Path] = []
+        for folder in self.sessions():
+            known = _id_in(folder / session_log.FILE_NAME)
+            if known in ids or (known is None and folder.name.endswith(endings)):
+                found.append(folder)
+        return found
 
     def note_erased(self, session_id: str, *, at_s: float) -> None:
         """Write down that a session is erased; on the disk when this returns.
@@ -116,6 +123,8 @@ class StoreFolder:
     def clean(self) -> list[str]:
         """Finish what a crash interrupted; return a sentence for whatever cannot be deleted."""
         problems: list[str] = []
+        for folder in self.sessions_of(self.erased_ids) if self.erased_ids else ():
+            self.delete(folder)
         for place in (self.root, self.deleted):
             for leftover in place.glob(".*.partial"):
                 shutil.rmtree(leftover, ignore_errors=True)
@@ -154,6 +163,23 @@ class StoreFolder:
         except FileNotFoundError:
             return set()
         return {event.session for event in events}
+
+
+class _Named(msgspec.Struct):
+    id: str
+
+
+class _FirstLine(msgspec.Struct):
+    session: _Named
+
+
+def _id_in(log: Path) -> str | None:
+    """Return the id in the first line of a session's log; None where it cannot be read."""
+    try:
+        with log.open("rb") as file:
+            return msgspec.json.decode(file.readline(), type=_FirstLine).session.id
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+        return None
 
 
 def _who(said: bytes) -> str:

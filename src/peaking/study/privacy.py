@@ -1,30 +1,33 @@
-"""What a participant may ask for: a copy of all their data, and its deletion."""
+"""What a participant may ask for: a copy of all their data, and its erasure.
+
+Erasing itself is done where the sessions are kept: `peaking.server.study.erasure`.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import io
 import os
-import shutil
-import time
 import zipfile
-from collections.abc import Callable, Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
 
 import msgspec
 
-from peaking import event_log
 from peaking.errors import StudyError
+from peaking.event_log import EventLog
 from peaking.output import write_atomically
 from peaking.reports.csv_table import csv_text
 from peaking.study.measures import measures_of
 from peaking.study.protocol import load_protocol
 from peaking.study.records import (
+    AnyEvent,
     ParticipantRecord,
+    SessionLinked,
     log_of,
-    participant_folder,
     pseudonyms,
     read_events,
     record_of,
@@ -41,6 +44,17 @@ sessions/        what was captured: photos, depth, positions of the phone
 """
 
 
+class ErasedParticipant(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A line of erased.jsonl, written before anything is deleted."""
+
+    participant: str
+    at_s: float
+    sessions: list[str] = []
+    """Ids of the capture sessions that are erased along."""
+    id: str | None = None
+    """By which the console had added the participant."""
+
+
 @contextmanager
 def held(study: Path) -> Generator[None, None, None]:
     """Lock a study's folder while the block runs.
@@ -49,7 +63,7 @@ def held(study: Path) -> Generator[None, None, None]:
         StudyError: The folder is not there, or another process has it.
     """
     try:
-        descriptor = os.open(study / SERVING, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor = os.open(study / SERVING, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise StudyError(
             study, f"cannot be opened ({error.strerror})", remedy="give the folder of a study"
@@ -67,13 +81,38 @@ def held(study: Path) -> Generator[None, None, None]:
         os.close(descriptor)
 
 
-def erased(study: Path) -> list[str]:
-    """Return the pseudonyms of erased participants; they are never assigned again."""
-    path = study / ERASED
-    if not path.is_file():
+def erased_log(study: Path) -> EventLog[ErasedParticipant]:
+    """Return the log of erased participants."""
+    return EventLog(study / ERASED, ErasedParticipant)
+
+
+def erased(study: Path) -> list[ErasedParticipant]:
+    """Return the erased participants; their pseudonyms are never assigned again."""
+    try:
+        return erased_log(study).read_around_damage()[0]
+    except FileNotFoundError:
         return []
-    lines = path.read_bytes().split(b"\n")[:-1]
-    return [msgspec.json.decode(line)["participant"] for line in lines]
+
+
+def owners(logs: Mapping[str, Sequence[AnyEvent]]) -> dict[str, str]:
+    """Return whose each capture session is: of the participant who was granted it first.
+
+    Args:
+        logs: Events by pseudonym.
+    """
+    granted = [
+        (event.at_s, pseudonym, event.session)
+        for pseudonym, events in logs.items()
+        for event in events
+        if isinstance(event, SessionLinked)
+    ]
+    return {session: pseudonym for _, pseudonym, session in sorted(granted, reverse=True)}
+
+
+def readable_logs(study: Path) -> dict[str, Sequence[AnyEvent]]:
+    """Return the events of all participants by pseudonym, without lines that cannot be read."""
+    names = pseudonyms(study)
+    return {name: log_of(study, name).read_around_damage()[0] for name in names}
 
 
 def export_participant(study: Path, participant: str, out: Path) -> None:
@@ -90,39 +129,34 @@ def export_participant(study: Path, participant: str, out: Path) -> None:
         files.write(log_of(study, participant).path, "events.jsonl")
         files.writestr("answers.csv", _answers_csv(record))
         files.writestr("measures.csv", _measures_csv(record, study))
-        for folder in session_folders(study, record):
+        for folder in session_folders(study, participant):
             for path in sorted(folder.rglob("*")):
                 if path.is_file() and "mpi" not in path.relative_to(folder).parts:
                     files.write(path, f"sessions/{folder.name}/{path.relative_to(folder)}")
     write_atomically(out, archive.getvalue())
 
 
-def erase_participant(
-    study: Path, participant: str, *, clock: Callable[[], float] = time.time
-) -> None:
-    """Delete all that is kept of a participant, photos too; only the pseudonym stays taken.
-
-    Raises:
-        StudyError: There is no such participant, or the study is being served.
-    """
-    record = _record(study, participant)
-    with held(study):
-        gone = msgspec.json.encode({"participant": participant, "at_s": clock()}) + b"\n"
-        event_log.append(study / ERASED, gone, durably=True)
-        for folder in [*session_folders(study, record), participant_folder(study, participant)]:
-            shutil.rmtree(folder)
-
-
-def session_folders(study: Path, record: ParticipantRecord) -> list[Path]:
+def session_folders(study: Path, participant: str) -> list[Path]:
     """Return the folders of the capture sessions of a participant, those still there."""
-    wanted = set(record.sessions)
+    owner_of = owners(readable_logs(study))
     found: list[Path] = []
     for log in sorted((study / "sessions").glob("*/log.jsonl")):
-        with log.open("rb") as file:
-            begun = msgspec.json.decode(file.readline())
-        if begun.get("session", {}).get("id") in wanted:
-            found.append(log.parent)
+        with log.open("rb") as file, contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
+            begun = msgspec.json.decode(file.readline(), type=_Begun).session
+            if (begun.owner or owner_of.get(begun.id)) == participant:
+                found.append(log.parent)
     return found
+
+
+class _NamedSession(msgspec.Struct):
+    id: str
+    owner: str | None = None
+
+
+class _Begun(msgspec.Struct):
+    """As much of a session's first line as is needed here."""
+
+    session: _NamedSession
 
 
 def _record(study: Path, participant: str) -> ParticipantRecord:

@@ -25,17 +25,19 @@ from starlette.routing import Mount, Route
 from peaking.errors import PeakingError
 from peaking.server.auth import Guard
 from peaking.server.events import Hub
+from peaking.server.fair_room import Busy
+from peaking.server.open_session import SessionGone
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
 from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
+    busy,
     event_stream,
     json_response,
     problem,
     problem_response,
     type_and_title,
 )
-from peaking.server.sessions import SessionStore
 from peaking.server.study import wire
 from peaking.server.study.open_participant import Incomplete, NotNow, OpenParticipant
 from peaking.server.study.open_study import OpenStudy, UnknownParticipant
@@ -76,11 +78,8 @@ class StudyServerOptions:
 class _Handlers:
     """The handlers, and what they need."""
 
-    def __init__(
-        self, study: OpenStudy, sessions: SessionStore, config: StudyServerOptions, hub: Hub
-    ) -> None:
+    def __init__(self, study: OpenStudy, config: StudyServerOptions, hub: Hub) -> None:
         self.study = study
-        self.sessions = sessions
         self.config = config
         self.hub = hub
 
@@ -120,7 +119,7 @@ class _Handlers:
 
     async def session(self, request: Request) -> Response:
         step, begun = _step(request), await _json(request, wire.SessionBegun)
-        return await self._do(request, lambda who: who.link(step, begun))
+        return await self._do(request, lambda who: self.study.grant(who, step, begun))
 
     async def finish(self, request: Request) -> Response:
         step = _step(request)
@@ -196,17 +195,11 @@ class _Handlers:
         """Change a participant, tell who looks, and answer with the new state."""
         participant = self._participant(request)
         await run_in_threadpool(change, participant)
-        await run_in_threadpool(self._forget_images, participant)
+        await run_in_threadpool(self.study.forget_images, participant)
         state = self._state(participant)
         self.hub.send(participant.pseudonym, state)
         self._tell_console()
         return json_response(state)
-
-    def _forget_images(self, participant: OpenParticipant) -> None:
-        """Delete the photos of trials that are over, where they may not be kept."""
-        for session in participant.sessions_to_forget():
-            self.sessions.erase(session)
-            participant.images_erased(session)
 
     def _participant(self, request: Request) -> OpenParticipant:
         return self.study.get(request.path_params["participant"])
@@ -235,7 +228,6 @@ class _Handlers:
 def create_study_app(
     *,
     study: OpenStudy,
-    sessions: SessionStore,
     capture: Starlette,
     config: StudyServerOptions,
     hub: Hub | None = None,
@@ -244,7 +236,7 @@ def create_study_app(
 
     Closing the hub ends the streams of events of the study's own pages.
     """
-    handlers = _Handlers(study, sessions, config, hub or Hub())
+    handlers = _Handlers(study, config, hub or Hub())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
@@ -318,6 +310,10 @@ def _refusals() -> dict[Any, Any]:
                 return problem(409, str(error), kind="out-of-date")
             case UnknownParticipant():
                 return problem(404, str(error))
+            case SessionGone():
+                return problem(410, str(error), kind="erased" if error.final else "deleted")
+            case Busy():
+                return busy(error)
             case BadUpload():
                 return problem(error.status, str(error), kind=error.kind)
             case HTTPException():

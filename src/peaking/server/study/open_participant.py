@@ -23,6 +23,12 @@ from peaking.study.protocol import FILE_NAME, Protocol
 from peaking.study.questionnaires import Answer, problems
 from peaking.study.records import AnyEvent, ParticipantRecord, record_of
 
+CAPTURING = ("practice", "scan", "capture")
+"""Kinds of steps that have a capture session."""
+
+MAX_SESSIONS = 500
+"""Capture sessions of one participant: a page that is reloaded begins another."""
+
 E = TypeVar("E", bound=records.Event)
 
 
@@ -95,6 +101,13 @@ class OpenParticipant:
             elif isinstance(event, records.StepRepeated) and event.step == step:
                 found.clear()
         return found
+
+    @property
+    def agreed(self) -> bool:
+        """Whether what is captured may be kept at all: where consent is asked for, it was given."""
+        if "consent" not in [step.key for step in self.steps]:
+            return True
+        return self.record.consented and bool(self._events_of(records.ConsentGiven))
 
     def session(self, step: Step) -> str | None:
         """Return the capture session last begun for the trial of a step, or for its practice."""
@@ -244,6 +257,10 @@ class OpenParticipant:
         """
         with self.lock:
             self._expect(step)
+            if self._step(step).kind not in CAPTURING:
+                raise NotNow("Nothing is captured in this part.")
+            if len(self._events_of(records.SessionLinked)) >= MAX_SESSIONS:
+                raise NotNow("This participant has begun too many captures.")
             if self.session(self._step(step)) != begun.session:
                 self._append(records.SessionLinked(self._clock(), step=step, session=begun.session))
 
@@ -251,8 +268,13 @@ class OpenParticipant:
         """Keep what happened on the phone, each event once; it may come late, from any step.
 
         Not kept is what comes after its step was begun anew: it belongs to what does not count.
+
+        Raises:
+            NotNow: The participant has not agreed to take part.
         """
         with self.lock:
+            if not self.agreed:
+                raise NotNow("This participant has not agreed to take part: nothing is kept.")
             known = {step.key for step in self.steps} - self._repeated_since(session)
             new = {e.id: e for e in told if e.id not in self._told and e.step in known}
             if new:
@@ -269,7 +291,7 @@ class OpenParticipant:
             now = self.current
             busy = set[str]()
             if now is not None and now[0].trial is not None:
-                busy = {f"{now[0].trial.key}.{kind}" for kind in ("practice", "scan", "capture")}
+                busy = {f"{now[0].trial.key}.{kind}" for kind in CAPTURING}
             return [
                 e.session
                 for e in self.events

@@ -8,10 +8,16 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import PeakingError
-from peaking.server.study.open_participant import OpenParticipant
+from peaking.errors import PeakingError, StudyError
+from peaking.server.admission import NotAdmitted
+from peaking.server.open_session import UnknownSession
+from peaking.server.sessions import SessionStore
+from peaking.server.store_folder import PRIVATE
+from peaking.server.study import wire
+from peaking.server.study.erasure import finish_erasures
+from peaking.server.study.open_participant import NotNow, OpenParticipant
 from peaking.study import records
-from peaking.study.privacy import erased
+from peaking.study.privacy import erased, owners
 from peaking.study.protocol import FILE_NAME, load_protocol, remarks, trials_of
 from peaking.study.texts import Texts
 
@@ -23,25 +29,48 @@ class UnknownParticipant(PeakingError):
 class OpenStudy:
     """A study's folder; whoever opens it holds it (`privacy.held`)."""
 
-    def __init__(self, folder: Path, *, clock: Callable[[], float] = time.time) -> None:
-        """Open it.
+    def __init__(
+        self, folder: Path, sessions: SessionStore, *, clock: Callable[[], float] = time.time
+    ) -> None:
+        """Open it, and finish erasures that were interrupted.
+
+        A participant whose log is damaged is set aside and told in `problems`.
+
+        Args:
+            folder: Of the study.
+            sessions: What is captured in it.
+            clock: Seconds since 1970.
 
         Raises:
-            StudyError: The protocol, a translation or a log cannot be used.
+            StudyError: The protocol or a translation cannot be used.
+            OSError: What was erased cannot be deleted.
         """
         self.folder = folder
+        self.sessions = sessions
+        self.problems: list[str] = []
+        finish_erasures(folder, sessions)
+        (folder / "participants").mkdir(exist_ok=True)
+        (folder / "participants").chmod(PRIVATE)
         self.protocol = load_protocol(folder)
         self.texts = Texts(self.protocol, folder)
         self._digest = hashlib.sha256((folder / FILE_NAME).read_bytes()).hexdigest()
         self._clock = clock
         self._lock = threading.RLock()
-        found = [self._open(name) for name in records.pseudonyms(folder)]
-        self.participants = {p.pseudonym: p for p in found}
+        self.participants: dict[str, OpenParticipant] = {}
+        self._rows_set_aside: set[int] = set()
+        for name in records.pseudonyms(folder):
+            try:
+                self.participants[name] = self._open(name)
+            except StudyError as error:
+                self._set_aside(name, error)
+        self._owners = owners({p.pseudonym: p.events for p in self.participants.values()})
+        for participant in self.participants.values():
+            self.forget_images(participant)
 
     @property
     def remarks(self) -> list[str]:
         """Return sentences that the experimenter should know."""
-        said = remarks(self.protocol)
+        said = [*remarks(self.protocol), *self.problems]
         others = [
             p.pseudonym for p in self.participants.values() if p.protocol_sha256 != self._digest
         ]
@@ -77,15 +106,21 @@ class OpenStudy:
 
         Returns:
             The participant, and whether they are new.
+
+        Raises:
+            NotNow: The participant of this id was erased.
         """
         with self._lock:
             for known in self.participants.values():
                 if known.id == new_id:
                     return known, False
-            number = 1 + max(
-                (int(p[1:]) for p in [*self.participants, *erased(self.folder)]), default=0
-            )
+            gone = erased(self.folder)
+            if new_id in [entry.id for entry in gone]:
+                raise NotNow("This participant was erased. Reload the page.")
+            given = [*records.pseudonyms(self.folder), *(entry.participant for entry in gone)]
+            number = 1 + max((int(name[1:]) for name in given), default=0)
             taken = {p.record.row for p in self.participants.values() if not p.record.excluded}
+            taken |= self._rows_set_aside
             row = next(place for place in range(len(taken) + 1) if place not in taken)
             pseudonym = f"P{number:02d}"
             begun = records.ParticipantBegun(
@@ -101,6 +136,78 @@ class OpenStudy:
             records.log_of(self.folder, pseudonym).append(begun)
             self.participants[pseudonym] = self._open(pseudonym)
             return self.participants[pseudonym], True
+
+    # Whose sessions are whose
+
+    def grant(self, participant: OpenParticipant, step: str, begun: wire.SessionBegun) -> None:
+        """Let a participant begin a capture session in a step: this one, and once.
+
+        Raises:
+            NotNow: It is another step's turn, or the session is not theirs.
+            SessionGone: The session was erased.
+        """
+        with self._lock:
+            owner = self._owners.get(begun.session)
+            if owner not in (None, participant.pseudonym):
+                raise NotNow("This capture session belongs to somebody else. Reload the page.")
+            if owner is None and self._is_known(begun.session):
+                raise NotNow("This capture session is not of this study. Reload the page.")
+            participant.link(step, begun)
+            self._owners = {**self._owners, begun.session: participant.pseudonym}
+
+    def to_begin(self, session_id: str) -> str | None:
+        """Return the participant who was granted a session.
+
+        Raises:
+            NotAdmitted: Nobody was, or they have not agreed to take part.
+        """
+        self.to_add(session_id)
+        return self._owners[session_id]
+
+    def to_add(self, session_id: str) -> None:
+        """Let a photo or samples be added to a session.
+
+        Raises:
+            NotAdmitted: It was granted to nobody, or they have not agreed to take part.
+        """
+        participant = self.participants.get(self._owners.get(session_id, ""))
+        if participant is None:
+            raise NotAdmitted(
+                "In a study, a capture begins on the participant's page: open their link."
+            )
+        if not participant.agreed:
+            raise NotAdmitted("This participant has not agreed to take part: nothing is kept.")
+
+    def to_end(self, session_id: str) -> None:
+        """Refuse: what is captured in a study is erased with its participant.
+
+        Raises:
+            NotAdmitted: Always.
+        """
+        raise NotAdmitted(
+            "In a study, captures are erased with their participant: peaking study erase."
+        )
+
+    def forget_images(self, participant: OpenParticipant) -> None:
+        """Erase the photos of trials that are over, where they may not be kept."""
+        for session in participant.sessions_to_forget():
+            self.sessions.erase(session)
+            participant.images_erased(session)
+
+    # Inside
+
+    def _is_known(self, session_id: str) -> bool:
+        try:
+            self.sessions.get(session_id)
+        except UnknownSession:
+            return False
+        return True
+
+    def _set_aside(self, pseudonym: str, error: StudyError) -> None:
+        self.problems.append(f"{pseudonym} is set aside: {error}")
+        events, _ = records.log_of(self.folder, pseudonym).read_around_damage()
+        begun = [event for event in events if isinstance(event, records.ParticipantBegun)]
+        self._rows_set_aside |= {event.row for event in begun}
 
     def _open(self, pseudonym: str) -> OpenParticipant:
         return OpenParticipant(self.folder, pseudonym, protocol=self.protocol, clock=self._clock)
