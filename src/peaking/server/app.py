@@ -59,7 +59,7 @@ from peaking.server.responses import (
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.thumbnails import thumbnail
-from peaking.server.told import without_paths
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 ERASED_EVERY_S = 3600.0
@@ -336,9 +336,8 @@ class _Handlers:
         self, session: OpenSession, capture_id: str, body: bytes, place: Share
     ) -> tuple[wire.Capture, bool]:
         """Store an upload and have its MPI made (in a thread)."""
-        capture, created = session.store_capture(
-            capture_id, parse_upload(body, keep_exif=self.config.keep_exif)
-        )
+        upload = parse_upload(body, keep_exif=self.config.keep_exif)
+        capture, created = session.store_capture(capture_id, upload)
         if created:
             self.queue.put(session, capture_id, place)
             self._tell_capture(session, capture)
@@ -483,7 +482,10 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
         _log.error("a request failed", exc_info=error)
         if isinstance(error, PeakingError):
             return problem(500, without_paths(str(error), root))
-        return problem(500, "Something went wrong on the server. Its log has the details.")
+        sentence = (
+            f"Something went wrong on the server ({cause_of(error)}). Its log has the details."
+        )
+        return problem(500, sentence)
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 

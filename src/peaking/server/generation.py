@@ -24,6 +24,7 @@ from peaking.server.disk_full import DiskFull
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import FairRoom, Share
 from peaking.server.open_session import FAST, OpenSession
+from peaking.server.told import cause_of
 from peaking.server.upload import camera_of_wire
 from peaking.view_builder import ViewBuilder
 
@@ -200,11 +201,12 @@ class GenerationQueue:
             return session.mark_failed(capture.id, NO_ROOM)
         except PeakingError as error:
             return session.mark_failed(capture.id, str(error))
-        except Exception:  # whatever it is, the next capture must be served
+        except Exception as error:  # whatever it is, the next capture must be served
             _log.exception("making the MPI of capture %s failed", capture.id)
-            return session.mark_failed(
-                capture.id, "The MPI could not be generated. The server's log says why."
+            problem = (
+                f"The MPI could not be generated ({cause_of(error)}). The server's log has more."
             )
+            return session.mark_failed(capture.id, problem)
 
     def _ask_again(self, session: OpenSession, capture_id: str) -> None:
         """A view came into its place: those whose scale is a guess may be told it now."""
@@ -228,9 +230,9 @@ class GenerationQueue:
                     self._on_done(session, _kept(session, capture, made))
             except PeakingError as error:
                 self._on_done(session, session.mark_not_better(capture_id, str(error)))
-            except Exception:  # the first MPI stays, and the next capture must be served
+            except Exception as error:  # the first MPI stays, and the next capture must be served
                 _log.exception("making a better MPI of capture %s failed", capture_id)
-                problem = "No better MPI could be generated. The server's log says why."
+                problem = f"No better MPI was made ({cause_of(error)}). The server's log has more."
                 self._on_done(session, session.mark_not_better(capture_id, problem))
 
     # Neighbours

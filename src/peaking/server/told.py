@@ -25,6 +25,18 @@ def without_paths(text: str, *folders: Path) -> str:
     return _PATH.sub(lambda found: _last(found[0]), text)
 
 
+def cause_of(error: BaseException) -> str:
+    """Return in a few words why something failed that should not: nothing of the program's inside.
+
+    An error of the system is said in its words, a fault of the program by its kind.
+    """
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, MemoryError):
+        return "not enough memory"
+    return f"a fault of the program: {type(error).__name__}"
+
+
 def _begins(text: str) -> bool:
     return _PATH_FIRST.match(text) is not None
 
