@@ -139,7 +139,9 @@ class Hub:
 
     def _make_room(self) -> None:
         if sum(map(len, self._of_devices.values())) > MAX_STREAMS:
-            oldest = next(iter(max(self._of_devices.values(), key=len)))
+            device, held = max(self._of_devices.items(), key=lambda item: len(item[1]))
+            oldest = next(iter(held))
+            _forget(self._of_devices, device, oldest)
             oldest.end()
 
     def _soon(self, do: Callable[[], None]) -> None:
