@@ -33,8 +33,7 @@ from capture_uploads import (
 from foreign_pictures import GPS, jpeg, telling_jpeg, with_frame, with_scans, with_size
 from peaking.datasets import open_recording
 from peaking.errors import OutputError, PeakingError, RecordingError
-from peaking.server import app as app_module
-from peaking.server import attempts, generation
+from peaking.server import attempts, generation, thumbnails
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.attempts import GaveUp, counted_attempt
 from peaking.server.recordings import PlayedRecording
@@ -176,24 +175,45 @@ def test_what_was_stored_before_is_handed_on_without_metadata(opened: Open, tmp_
     assert all(GPS not in data for data in jpegs_of(client))
 
 
+@pytest.mark.usefixtures("no_generation")
+@pytest.mark.parametrize("name", ["images/000001.jpg", "depth/000001.png"])
+def test_a_link_in_a_stored_session_is_not_followed(
+    opened: Open, tmp_path: Path, name: str
+) -> None:
+    client = opened()
+    client.put(CAPTURE, content=upload_of(PLAIN))
+    (path,) = (tmp_path / "the store").rglob(name)
+    secret = jpeg(60, 128, grey=True)
+    (tmp_path / "secret").write_bytes(secret)
+    path.unlink()
+    path.symlink_to(tmp_path / "secret")
+    archive = client.get(f"{SESSION}/dataset.zip").content
+    assert name not in zipfile.ZipFile(io.BytesIO(archive)).namelist()
+    if name.endswith("jpg"):
+        for address in ("photo", "thumbnail"):
+            answer = client.get(f"{CAPTURE}/{address}")
+            assert answer.status_code == 500
+            assert "link that leaves" in answer.json()["detail"]
+
+
 # --- what is decoded at once ---------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("no_generation")
 def test_few_pictures_are_decoded_at_once(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     now, most, lock = [0], [0], threading.Lock()
-    real = app_module.read_picture
+    real = thumbnails.read_picture
 
-    def counted(path: Path) -> np.ndarray:
+    def counted(path: Path, *, within: Path) -> np.ndarray:
         with lock:
             now[0] += 1
             most[0] = max(most[0], now[0])
         threading.Event().wait(0.05)
         with lock:
             now[0] -= 1
-        return real(path)
+        return real(path, within=within)
 
-    monkeypatch.setattr(app_module, "read_picture", counted)
+    monkeypatch.setattr(thumbnails, "read_picture", counted)
     client = opened()
     for number in range(1, 9):
         client.put(f"{SESSION}/captures/{capture_id(number)}", content=upload(number))

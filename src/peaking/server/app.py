@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
@@ -23,18 +22,17 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
-from peaking.datasets.stored_images import read_picture
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
-from peaking.output import encode_jpeg, write_atomically
 from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
 from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
-from peaking.server.disk_full import DiskFull, room_explained
+from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, Share
 from peaking.server.generation import GenerationQueue
@@ -60,10 +58,10 @@ from peaking.server.responses import (
 )
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
+from peaking.server.thumbnails import thumbnail
 from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
-THUMBNAIL_PX = 240
 _log = logging.getLogger("peaking.server")
 
 
@@ -232,7 +230,9 @@ class _Handlers:
         session = self._session(request)
         files = await run_in_threadpool(session.dataset_files)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
+            iterate_in_threadpool(
+                zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
+            ),
             media_type="application/zip",
             headers=attachment(f"{session.folder.name}.zip"),
         )
@@ -318,7 +318,7 @@ class _Handlers:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
         async with self._decoding:
-            data = await run_in_threadpool(_thumbnail, session, capture)
+            data = await run_in_threadpool(thumbnail, session, capture.id)
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
     # Inside
@@ -327,8 +327,9 @@ class _Handlers:
         self, session: OpenSession, capture_id: str, body: bytes, place: Share
     ) -> tuple[wire.Capture, bool]:
         """Store an upload and have its MPI made (in a thread)."""
-        upload = parse_upload(body, keep_exif=self.config.keep_exif)
-        capture, created = session.store_capture(capture_id, upload)
+        capture, created = session.store_capture(
+            capture_id, parse_upload(body, keep_exif=self.config.keep_exif)
+        )
         if created:
             self.queue.put(session, capture_id, place)
             self._tell_capture(session, capture)
@@ -481,25 +482,11 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
 
 def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
     """Return a photo; those that an earlier version stored with metadata lose it here."""
-    try:
-        data = session.photo_path(capture.id).read_bytes()
-    except FileNotFoundError:
-        raise HTTPException(404, "There is no such file.") from None
+    path = session.photo_path(capture.id)
+    if not path.is_file():
+        raise HTTPException(404, "There is no such file.")
+    data = read_bytes(path, within=session.folder)
     try:
         return data if keep_exif else without_metadata(data)
     except ValueError as error:
         raise HTTPException(500, f"The photo is damaged on the disk: {error}.") from error
-
-
-def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:
-    path = session.folder / "mpi" / f"{capture.number:06d}.thumbnail.jpg"
-    if path.is_file():
-        return path.read_bytes()
-    rgb = read_picture(session.photo_path(capture.id))
-    height, width = rgb.shape[:2]
-    scale = min(THUMBNAIL_PX / max(height, width), 1.0)
-    size = (max(round(width * scale), 1), max(round(height * scale), 1))
-    data = encode_jpeg(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), quality=85)
-    with contextlib.suppress(DiskFull), room_explained():  # made again when it is asked for again
-        write_atomically(path, data)
-    return data

@@ -14,11 +14,13 @@ import contextlib
 import logging
 import os
 import threading
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.point_cloud import encode_points, read_points
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import PeakingError, RecordingError
@@ -211,12 +213,12 @@ class OpenSession:
         files = self._files[capture_id]
         depth_m = points_m = None
         if (name := depth_name(capture.number)) in files:
-            depth_m = read_depth(self._path(capture, name), 0.001)
+            depth_m = read_depth(self._path(capture, name), 0.001, within=self.folder)
         if (name := points_name(capture.number)) in files:
-            points_m = read_points(self._path(capture, name))
+            points_m = read_points(self._path(capture, name), within=self.folder)
         return Frame(
             name=f"{capture.number:06d}",
-            rgb=read_picture(self.photo_path(capture_id)),
+            rgb=read_picture(self.photo_path(capture_id), within=self.folder),
             camera=camera_of_wire(capture.camera),
             depth_m=depth_m,
             timestamp_s=float(capture.time_s),
@@ -241,10 +243,36 @@ class OpenSession:
         """
         self.shown_capture(capture_id)
         try:
-            data = self.mpi_path(capture_id, version).read_bytes()
-        except OSError:
+            data = read_bytes(self.mpi_path(capture_id, version), within=self.folder)
+        except RecordingError:
             return None
         return data if is_sound(data) else None
+
+    def kept_thumbnail(self, capture_id: str) -> bytes | None:
+        """Return a capture's thumbnail; None where there is none yet, or it is damaged.
+
+        Raises:
+            UnknownCapture: The capture is not here, or was undone.
+        """
+        number = self.shown_capture(capture_id).number
+        for path in (self.folder / "mpi").glob(f"{number:06d}.thumbnail.*.jpg"):
+            with contextlib.suppress(RecordingError):
+                data = read_bytes(path, within=self.folder)
+                if path.name == _thumbnail_name(number, data):
+                    return data
+        return None
+
+    def keep_thumbnail(self, capture_id: str, data: bytes) -> None:
+        """Keep a capture's thumbnail, unless the disk is full or the capture gone meanwhile."""
+        with self._lock:
+            capture = self.capture(capture_id)
+            if self._erased or self.deleted_s is not None or _is_lost(capture):
+                return
+            for damaged in (self.folder / "mpi").glob(f"{capture.number:06d}.thumbnail.*"):
+                damaged.unlink(missing_ok=True)
+            path = self.folder / "mpi" / _thumbnail_name(capture.number, data)
+            with contextlib.suppress(DiskFull), room_explained():
+                write_atomically(path, data)
 
     def dataset_files(self) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone or set aside.
@@ -386,7 +414,7 @@ class OpenSession:
         """
         with self._lock, room_explained():
             gone = self._erased or self.deleted_s is not None
-            if gone or self.capture(capture_id).ending == "erased":
+            if gone or _is_lost(self.capture(capture_id)):
                 return self.mark_failed(capture_id, ERASED if self._erased else DELETED)
             version = self.capture(capture_id).mpi_version + 1
             write_atomically(self.mpi_path(capture_id, version), mpi)
@@ -723,6 +751,15 @@ def _why_not_restorable(capture: wire.Capture) -> str:
             return "This photo was set aside long ago, and deleted to make room."
         case _:
             return "This photo was undone and the session finished since then: it is deleted."
+
+
+def _is_lost(capture: wire.Capture) -> bool:
+    """Return whether the files of a capture are deleted, and must not be made again."""
+    return capture.removed and not capture.restorable
+
+
+def _thumbnail_name(number: int, data: bytes) -> str:
+    return f"{number:06d}.thumbnail.{zlib.crc32(data):08x}.jpg"
 
 
 def _size(path: Path) -> int:
