@@ -40,7 +40,7 @@ DECODINGS_AT_ONCE = 2
 MAX_MPI_BYTES = 256 * 2**20
 MAX_MPI_SIDE_PX = 16384
 MAX_MPI_PIXELS = 2**24
-"""4096 x 4096: what renders at the size of its camera takes 17 bytes for each."""
+"""4096 x 4096: `peaking render` at the size of its camera takes 1.3 GB."""
 MAX_PLANES = 1024
 MAX_TILES = 2**16
 """A picture of 4096 x 4096 pixels, 64 MiB of texels."""
