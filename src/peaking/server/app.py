@@ -55,6 +55,7 @@ from peaking.server.responses import (
     event_stream,
     json_response,
     problem,
+    while_it_lasts,
 )
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
@@ -62,6 +63,7 @@ from peaking.server.thumbnails import thumbnail
 from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
+ERASED_EVERY_S = 3600.0
 _log = logging.getLogger("peaking.server")
 
 
@@ -116,6 +118,16 @@ class _Handlers:
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
+
+    async def erase_expired(self) -> None:
+        """Erase, as long as this runs, what was deleted too long ago to be restored."""
+        while True:
+            await asyncio.sleep(ERASED_EVERY_S)
+            try:
+                if await run_in_threadpool(self.store.erase_expired):
+                    self.hub.send(SERVER, await run_in_threadpool(self._list))
+            except OSError:  # a full disk: tried again
+                _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
@@ -312,14 +324,14 @@ class _Handlers:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
         data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
         async with self._decoding:
             data = await run_in_threadpool(thumbnail, session, capture.id)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     # Inside
 
@@ -327,9 +339,8 @@ class _Handlers:
         self, session: OpenSession, capture_id: str, body: bytes, place: Share
     ) -> tuple[wire.Capture, bool]:
         """Store an upload and have its MPI made (in a thread)."""
-        capture, created = session.store_capture(
-            capture_id, parse_upload(body, keep_exif=self.config.keep_exif)
-        )
+        upload = parse_upload(body, keep_exif=self.config.keep_exif)
+        capture, created = session.store_capture(capture_id, upload)
         if created:
             self.queue.put(session, capture_id, place)
             self._tell_capture(session, capture)
@@ -405,7 +416,9 @@ def create_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        erasing = asyncio.ensure_future(server.erase_expired())
         yield
+        erasing.cancel()
         server.close()
 
     app = Starlette(
