@@ -24,10 +24,10 @@ MAX_SEGMENTS = 10_000
 """Of a JPEG; 600 kB of metadata have 10."""
 
 MAX_CHUNKS = 2**17
-"""Of a PNG."""
+"""Of a PNG or WebP."""
 
 DECODER_MEMORY_BYTES = 4 * 2**30
-"""Of the process that decodes what is neither JPEG nor PNG, programs and libraries included."""
+"""Of the process that decodes what is neither JPEG, PNG nor WebP, libraries included."""
 
 DECODER_SECONDS = 60
 """For the same."""

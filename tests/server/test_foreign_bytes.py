@@ -310,6 +310,13 @@ def test_problems_name_files_and_not_where_they_lie() -> None:
         assert without_paths(text, root) == told
 
 
+@pytest.mark.parametrize("root", [".", "/", "a", "data"])
+def test_short_folders_take_no_letters_away(root: str) -> None:
+    text = "frames[3].file_path: data/a.b is 1.5 m away; see a/b, ../x."
+    assert without_paths(text, Path(root)).startswith("frames[3].file_path: ")
+    assert "1.5 m away; see" in without_paths(text, Path(root))
+
+
 @given(st.lists(st.text("ab c:é.-", min_size=1, max_size=5), min_size=1, max_size=4), st.booleans())
 def test_no_folder_of_the_server_is_told(parts: list[str], relative: bool) -> None:
     root = Path("/".join(["" if not relative else "data", "secret", *parts]))
