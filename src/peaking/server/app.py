@@ -23,6 +23,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
@@ -259,7 +260,9 @@ class _Handlers:
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
+            iterate_in_threadpool(
+                zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
+            ),
             media_type="application/zip",
             headers=headers,
         )
@@ -514,10 +517,10 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
 
 def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
     """Return a photo; those that an earlier version stored with metadata lose it here."""
-    try:
-        data = session.photo_path(capture.id).read_bytes()
-    except FileNotFoundError:
-        raise HTTPException(404, "There is no such file.") from None
+    path = session.photo_path(capture.id)
+    if not path.is_file():
+        raise HTTPException(404, "There is no such file.")
+    data = read_bytes(path, within=session.folder)
     try:
         return data if keep_exif else without_metadata(data)
     except ValueError as error:
