@@ -5,12 +5,12 @@ from __future__ import annotations
 import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from peaking.server.requests import cookie_of, mark_paired
 from peaking.server.responses import problem
 
 COOKIE = "peaking_token"
@@ -65,25 +65,23 @@ class Guard:
             return problem(403, "This server answers only requests to localhost.")
         if not scope["path"].startswith(API):
             return None
-        if self.token is not None and not self._knows_token(headers):
+        if self.token is not None and not self._knows_token(scope, headers):
             sentence = "Pair this device first: open the link that the server printed."
             return problem(401, sentence, kind="not-paired")
         origin = headers.get("origin")
         changes = scope["method"] not in ("GET", "HEAD", "OPTIONS")
         if changes and origin is not None and urlsplit(origin).netloc != host:
             return problem(403, "Requests from pages of another origin are rejected.")
+        mark_paired(scope)
         return None
 
-    def _knows_token(self, headers: Headers) -> bool:
+    def _knows_token(self, scope: Scope, headers: Headers) -> bool:
         assert self.token is not None
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         shown = [bearer.strip()] if scheme.lower() == "bearer" else []
-        try:
-            cookies = SimpleCookie(headers.get("cookie", ""))
-        except CookieError:
-            cookies = SimpleCookie()
-        if self.cookie in cookies:
-            shown.append(cookies[self.cookie].value)
+        cookie = cookie_of(scope, self.cookie)
+        if cookie is not None:
+            shown.append(cookie)
         return any(hmac.compare_digest(s.encode(), self.token.encode()) for s in shown)
 
 

@@ -1,4 +1,4 @@
-"""What requests carry: ids in their path, and bodies that are never read beyond a limit."""
+"""What requests carry: ids, cookies, who asks, and bodies that are never read beyond a limit."""
 
 from __future__ import annotations
 
@@ -7,13 +7,56 @@ from typing import TypeVar
 import msgspec
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
+from starlette.types import Scope
 
 from peaking.server import wire
 from peaking.server.upload import BadUpload
 
 MAX_JSON_BYTES = 1_000_000
+MAX_STRANGER_BYTES = 4_000
+"""Of the body of a request that has shown no secret."""
+
+PAIRED = "peaking.paired"
+"""In the scope of a request that has shown one; in its extensions, the function to be told."""
+
+DEVICE = "peaking.device"
+"""In the scope of a request: which device has sent it."""
 
 T = TypeVar("T")
+
+
+def cookie_of(scope: Scope, name: str) -> str | None:
+    """Return the first cookie of this name, as it was sent; in time linear in the headers."""
+    wanted = name.encode()
+    for header, value in scope["headers"]:
+        if header == b"cookie":
+            for pair in value.split(b";"):
+                key, _, content = pair.partition(b"=")
+                if key.strip() == wanted:
+                    return content.strip().decode("latin-1")
+    return None
+
+
+def mark_paired(scope: Scope, device: str | None = None) -> None:
+    """Remember that a request may ask for what it asks; its connection is no stranger's any more.
+
+    Args:
+        scope: Of the request.
+        device: Who asks, where that is known better than by the address.
+    """
+    scope[PAIRED] = True
+    if device is not None:
+        scope[DEVICE] = device
+    told = scope.get("extensions", {}).get(PAIRED)
+    if told is not None:
+        told(device)
+
+
+def device_of(request: Request) -> str:
+    """Return which device asks: the one that was paired, otherwise the address."""
+    if DEVICE in request.scope:
+        return request.scope[DEVICE]
+    return request.client.host if request.client is not None else ""
 
 
 def id_in_path(request: Request, name: str) -> str:
@@ -46,8 +89,10 @@ async def read_body(request: Request, max_bytes: int) -> bytes:
     """Read a body, and stop as soon as it is too long.
 
     Raises:
-        BadUpload: It is too long.
+        BadUpload: It is too long, for anybody or for somebody who is not paired.
     """
+    if PAIRED not in request.scope:
+        max_bytes = min(max_bytes, MAX_STRANGER_BYTES)
     declared = request.headers.get("content-length", "0")
     parts: list[bytes] = []
     size = int(declared) if declared.isdigit() else 0

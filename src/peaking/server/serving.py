@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import errno
 import socket
 import ssl
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Coroutine
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn.config import STARTUP_FAILURE
 
 from peaking.errors import OutputError
 from peaking.server.app import ServerOptions, create_app
+from peaking.server.connections import (
+    Connection,
+    ConnectionLimits,
+    Connections,
+    limits_of_this_process,
+)
 from peaking.server.events import Hub
+from peaking.server.http_connection import HttpConnection
 from peaking.server.sessions import SessionStore
 
 CLIENT_DIR = Path(__file__).parent / "client"
 PORTS_TO_TRY = 20
+BACKLOG = 1024
+IDLE_S = round(ConnectionLimits.paired_idle_s)
+SWEEP_S = 0.5
+ENDING_S = 2.0
+"""Answers that are being given have so long when the server stops, and as long to be given up."""
+
+NO_FILES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+NO_FILES_PAUSE_S = 0.05
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -34,7 +55,7 @@ def bind(host: str, port: int) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((host, candidate))
-            listener.listen(128)
+            listener.listen(BACKLOG)
         except OSError as error:
             listener.close()
             problem = error
@@ -89,35 +110,124 @@ def run(
         started: Called when requests are answered.
         stopping: Called first at the end: what ends responses that would never end by themselves.
     """
-    settings = uvicorn.Config(
-        app,
-        http="httptools",
-        ws="none",
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        timeout_graceful_shutdown=3,
-    )
-    settings.load()
-    settings.ssl = context
-    server = _Server(settings, started, stopping)
+    server = Server(app, context=context, started=started, stopping=stopping)
     server.run(sockets=[listener])
 
 
-class _Server(uvicorn.Server):
-    """Says when it answers, and when it is about to wait for connections to end."""
+class Server(uvicorn.Server):
+    """Accepts connections one by one, within limits, and ends them quietly.
+
+    asyncio's own server knows of a connection only when TLS has been agreed on; thousands that
+    never get there would use up the files that this process may open.
+    """
 
     def __init__(
-        self, config: uvicorn.Config, started: Callable[[], None], stopping: Callable[[], None]
+        self,
+        app: ASGIApp,
+        *,
+        context: ssl.SSLContext | None = None,
+        started: Callable[[], None] = lambda: None,
+        stopping: Callable[[], None] = lambda: None,
+        limits: ConnectionLimits | None = None,
     ) -> None:
+        """Take what is served; see `run`. By default the limits are those of this process."""
+        config = uvicorn.Config(
+            app,
+            http="httptools",
+            ws="none",
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            timeout_keep_alive=IDLE_S,
+        )
+        config.load()
         super().__init__(config)
+        self._context = context
         self._when_started = started
         self._when_stopping = stopping
+        self._connections = Connections(limits or limits_of_this_process())
+        self._running: set[asyncio.Task[None]] = set()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        await super().startup(sockets=sockets)
+        """Begin to accept connections."""
+        await self.lifespan.startup()
+        if self.lifespan.should_exit:
+            sys.exit(STARTUP_FAILURE)
+        for listener in sockets or []:
+            listener.setblocking(False)
+            self._start(self._accept(listener))
+        self._start(self._sweep())
+        self.started = True
         self._when_started()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Accept no more, let answers be given for a moment, and hang up."""
         self._when_stopping()
-        await super().shutdown(sockets=sockets)
+        for task in self._running:
+            task.cancel()
+        for listener in sockets or []:
+            listener.close()
+        for connection in list(self.server_state.connections):
+            connection.shutdown()
+        await self._ended(within_s=ENDING_S)
+        for connection in self._connections:
+            connection.end(None)
+        await self._ended(within_s=ENDING_S)
+        await self.lifespan.shutdown()
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+
+    async def _accept(self, listener: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                accepted, address = await loop.sock_accept(listener)
+            except OSError as error:
+                if error.errno not in NO_FILES:
+                    continue  # it has gone again
+                self._connections.make_room()
+                await asyncio.sleep(NO_FILES_PAUSE_S)
+                continue
+            self._start(self._connect(accepted, str(address[0])))
+            await asyncio.sleep(0)  # those who are connected come first
+
+    async def _connect(self, accepted: socket.socket, address: str) -> None:
+        loop = asyncio.get_running_loop()
+
+        def end(_: object) -> None:
+            with contextlib.suppress(OSError):
+                accepted.shutdown(socket.SHUT_RDWR)
+
+        connection = Connection(address, end, loop.time())
+        self._connections.admit(connection)
+
+        def protocol() -> HttpConnection:
+            return HttpConnection(
+                connection,
+                self._connections,
+                config=self.config,
+                server_state=self.server_state,
+                app_state=self.lifespan.state,
+            )
+
+        try:
+            await loop.connect_accepted_socket(protocol, accepted, ssl=self._context)
+        except OSError:  # no TLS was agreed on, or the caller has gone
+            self._connections.remove(connection)
+
+    async def _sweep(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            self._connections.sweep(loop.time())
+            await asyncio.sleep(SWEEP_S)
+
+    async def _ended(self, *, within_s: float) -> None:
+        """Wait until all connections have ended and all answers are given, or the time is over."""
+        state, pause_s = self.server_state, 0.02
+        for _ in range(round(within_s / pause_s)):
+            if not state.connections and not state.tasks:
+                return
+            await asyncio.sleep(pause_s)
