@@ -27,18 +27,38 @@ def check_port(port: int) -> None:
 def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     """Return the addresses at which the local network reaches this machine, and their certificate.
 
+    The certificate is renewed while the program runs.
+
     Raises:
         OutputError: The certificate authority cannot be stored.
     """
-    import socket
+    from peaking.server.certificates import config_folder, lan_addresses, open_authority
+    from peaking.server.server_certificate import ServerCertificate
 
-    from peaking.server.certificates import authority, config_folder, lan_addresses, server_context
+    every = host in EVERY_ADDRESS
+    hosts = [] if every else [host]
+    with checked_arguments():
+        authority = open_authority(config_folder(), hosts=hosts)
+    for remark in authority.remarks:
+        say(f"Note: {remark}", file=sys.stderr)
+    certificate = ServerCertificate(authority, hosts)
+    addresses = lan_addresses() if every else hosts
+    for address in addresses:
+        if not authority.permits(address):
+            say(
+                f"Note: {address} is not a private address; to serve there, give --host {address}",
+                file=sys.stderr,
+            )
+    threading.Thread(target=_renew, args=[certificate], daemon=True).start()
+    served = [a for a in addresses if authority.permits(a)] or ["localhost"]
+    return [f"https://{f'[{a}]' if ':' in a else a}:{port}" for a in served], certificate.context
 
-    addresses = lan_addresses() if host in EVERY_ADDRESS else [host]
-    names = [*addresses, "localhost", "127.0.0.1", socket.gethostname()]
-    context = server_context(authority(config_folder()), list(dict.fromkeys(names)))
-    hosts = [f"[{a}]" if ":" in a else a for a in addresses] or ["localhost"]
-    return [f"https://{name}:{port}" for name in hosts], context
+
+def _renew(certificate: ServerCertificate) -> None:
+    while True:
+        time.sleep(RENEWAL_LOOKED_AT_EVERY_S)
+        with contextlib.suppress(OSError):  # the disk was full: tried again
+            certificate.renew_when_due()
 
 
 def say_skipped(problem: str) -> None:
