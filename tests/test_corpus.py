@@ -63,7 +63,7 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Opened:
 
 def capture_app(store: SessionStore) -> Any:
     return create_app(
-        store=store, config=ServerOptions(token=None, client_dir=store.root / "no client")
+        store=store, config=ServerOptions(devices=None, client_dir=store.root / "no client")
     )
 
 

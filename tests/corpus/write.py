@@ -123,7 +123,7 @@ def _clock() -> Callable[[], float]:
 
 def _capture_app(store: SessionStore, root: Path) -> Any:
     options = replace(DEFAULT, pixels=PIXELS, num_planes=PLANES)
-    config = ServerOptions(token=None, client_dir=root / "none", options=options)
+    config = ServerOptions(devices=None, client_dir=root / "none", options=options)
     return create_app(store=store, config=config)
 
 

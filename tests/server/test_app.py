@@ -309,7 +309,7 @@ def test_the_token_is_in_no_log(
 
 
 def test_without_a_built_client_it_is_said(tmp_path: Path) -> None:
-    config = ServerOptions(token=None, client_dir=tmp_path / "nothing")
+    config = ServerOptions(devices=None, client_dir=tmp_path / "nothing")
     app = create_app(store=SessionStore(tmp_path / "s"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         answer = client.get("/")

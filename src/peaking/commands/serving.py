@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+import threading
+import time
 from typing import TYPE_CHECKING
 
-from peaking.commands.arguments import ArgumentError
+from peaking.commands.arguments import ArgumentError, checked_arguments
 
 if TYPE_CHECKING:
     import ssl
 
+    from peaking.server.server_certificate import ServerCertificate
+
 EVERY_ADDRESS = ("0.0.0.0", "::")
 MAX_PORT = 65535
+RENEWAL_LOOKED_AT_EVERY_S = 60.0
 
 
 def check_port(port: int) -> None:
@@ -40,12 +46,12 @@ def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     with checked_arguments():
         authority = open_authority(config_folder(), hosts=hosts)
     for remark in authority.remarks:
-        say(f"Note: {remark}", file=sys.stderr)
+        print(f"Note: {remark}", file=sys.stderr)
     certificate = ServerCertificate(authority, hosts)
     addresses = lan_addresses() if every else hosts
     for address in addresses:
         if not authority.permits(address):
-            say(
+            print(
                 f"Note: {address} is not a private address; to serve there, give --host {address}",
                 file=sys.stderr,
             )
