@@ -14,7 +14,9 @@ import peaking
 ROOT = Path(peaking.__file__).parent
 ORDER = [
     "errors",
+    "terminal",
     "options",
+    "limits",
     "geometry",
     "frame",
     "point_cloud",
@@ -33,6 +35,7 @@ ORDER = [
     "view_builder",
     "pipeline",
     "output",
+    "pictures",
     "reports",
     "event_log",
     "mpi_file",

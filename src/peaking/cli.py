@@ -29,6 +29,7 @@ from peaking.commands import (
     study,
 )
 from peaking.errors import PeakingError
+from peaking.terminal import say, show_fault
 
 DESCRIPTION = """See in red, while you photograph, which pixels view synthesis still gets wrong.
 
@@ -95,9 +96,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Idle threads of a kernel sleep: by default they spin for some 10 ms and slow down whatever
     # runs next or beside them. This has to be set before the first kernel runs.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    sys.excepthook = show_fault
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["--version"]:
-        print(f"peaking {peaking.__version__}")
+        say(f"peaking {peaking.__version__}")
         return
     if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"]):
         words[:2] = [f"bench {words[1]}"]  # these names have two words
@@ -111,8 +113,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         command.run()
     except PeakingError as error:
-        print(f"peaking: {error}", file=sys.stderr)
+        say(f"peaking: {error}", problem=True)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
-        print("peaking: interrupted; no half-written files are left", file=sys.stderr)
+        say("peaking: interrupted; no half-written files are left", problem=True)
         raise SystemExit(130) from None

@@ -368,3 +368,48 @@ def test_a_listener_that_is_too_slow_is_cut_off(monkeypatch: pytest.MonkeyPatch)
         return len([message async for message in stream])
 
     assert asyncio.run(listen()) <= 3
+
+
+def test_the_four_endings_of_a_photo(client: TestClient) -> None:
+    for number in (1, 2, 3):
+        client.put(capture_path(number), content=upload(number))
+
+    def end(number: int, ending: str | None) -> dict[str, Any]:
+        return client.patch(capture_path(number), json={"ending": ending}).json()
+
+    assert end(1, "undone")["restorable"]
+    assert client.get(capture_path(1) + "/photo").status_code == 404
+    assert client.get(capture_path(1) + "/thumbnail").status_code == 404
+    assert client.get(capture_path(1) + "/mpi").status_code == 404
+    assert not end(1, None)["removed"]
+    assert client.get(capture_path(1) + "/photo").content == photo(1)
+    assert end(2, "set_aside")["ending"] == "set_aside"
+    assert client.get(capture_path(2) + "/photo").status_code == 200
+    assert not end(3, "erased")["restorable"]
+    refused = client.patch(capture_path(3), json={"ending": None})
+    assert (refused.status_code, "erased" in refused.json()["detail"]) == (409, True)
+    assert client.patch(capture_path(1), json={"ending": "lost"}).status_code == 422
+
+    gone = client.patch(SESSION, json={"deleted": True}).json()
+    assert gone["deleted_s"] > 0
+    assert client.get("/api/v1/sessions").json() == []
+    assert client.get(SESSION).json()["summary"]["deleted_s"] > 0
+    for answer in (
+        client.put(SESSION, json=new_session()),
+        client.put(capture_path(4), content=upload(4)),
+        client.get(capture_path(1) + "/photo"),
+        client.get(SESSION + "/dataset.zip"),
+        client.get(SESSION + "/events"),
+    ):
+        assert (answer.status_code, answer.json()["type"]) == (410, "urn:peaking:problem:deleted")
+    assert client.patch(SESSION, json={"deleted": False}).json()["deleted_s"] is None
+    assert client.get(capture_path(1) + "/photo").content == photo(1)
+
+    assert client.delete(SESSION).status_code == 204
+    assert client.delete(SESSION).status_code == 204
+    for answer in (
+        client.put(SESSION, json=new_session()),
+        client.put(capture_path(4), content=upload(4)),
+        client.patch(SESSION, json={"deleted": False}),
+    ):
+        assert (answer.status_code, answer.json()["type"]) == (410, "urn:peaking:problem:erased")

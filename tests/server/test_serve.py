@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import json
 import os
 import re
 import socket
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from capture_uploads import SESSION_ID, new_session, upload
 from peaking.server.certificates import authority, lan_addresses, server_context
 from peaking.server.serving import bind
 
@@ -112,15 +114,44 @@ def test_the_demo_refuses_to_be_seen_by_others(tmp_path: Path) -> None:
 
 
 def test_a_taken_port_is_passed_over(tmp_path: Path) -> None:
-    one, said_one = run(["demo", "--no-open", "--port", "0"], tmp_path, "Capture page")
+    demo = ["demo", "--no-open", "--sessions"]
+    one, said_one = run([*demo, str(tmp_path / "1"), "--port", "0"], tmp_path, "Capture page")
     port = re.search(r"localhost:(\d+)", said_one)
     assert port
-    two, said_two = run(["demo", "--no-open", "--port", port[1]], tmp_path, "Capture page")
+    two, said_two = run([*demo, str(tmp_path / "2"), "--port", port[1]], tmp_path, "Capture page")
     end(one)
     end(two)
     other = re.search(r"localhost:(\d+)", said_two)
     assert other
     assert int(other[1]) > int(port[1])
+
+
+def test_a_folder_is_served_once_and_is_private(tmp_path: Path) -> None:
+    folder = tmp_path / "sessions"
+    demo = ["demo", "--no-open", "--port", "0", "--sessions", str(folder)]
+    one, said = run(demo, tmp_path, "Ctrl-C")
+    try:
+        port = re.search(r"localhost:(\d+)", said)
+        assert port
+        connection = http.client.HTTPConnection("localhost", int(port[1]))
+        connection.request("PUT", f"/api/v1/sessions/{SESSION_ID}", json.dumps(new_session()))
+        assert connection.getresponse().read()
+        connection.request("PUT", f"/api/v1/sessions/{SESSION_ID}/captures/{SESSION_ID}", upload(1))
+        assert connection.getresponse().status == 201
+        connection.close()
+        two, refused = run(demo, tmp_path, "another process")
+        assert two.stdout is not None
+        two.stdout.close()
+        assert two.wait(30) == 2
+        assert f"another process ('peaking demo', number {one.pid}" in refused
+        assert "Traceback" not in refused
+    finally:
+        end(one)
+    paths = [folder, *folder.rglob("*")]
+    modes = {str(p): oct(stat.S_IMODE(p.stat().st_mode)) for p in paths}
+    open_to_others = {p: mode for p, mode in modes.items() if not mode.endswith("00")}
+    assert len(modes) > 10
+    assert open_to_others == {}
 
 
 def test_answers_are_sent_at_once() -> None:

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -52,7 +54,7 @@ class Bench:
             progress=lambda turns: tqdm(turns, desc="bench", unit="round"),
         )
         write_results(self, document)
-        print(table(document))
+        say(*table(document).splitlines())
 
 
 def table(document: Mapping[str, Any]) -> str:

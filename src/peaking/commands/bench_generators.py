@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class BenchGenerators:
@@ -41,7 +43,7 @@ class BenchGenerators:
         except ImportError as error:
             raise BackendUnavailable(f"{error}; pip install 'peaking[torch]'") from error
         write_results(self, document)
-        print(table(document))
+        say(*table(document).splitlines())
 
 
 def table(document: dict[str, Any]) -> str:

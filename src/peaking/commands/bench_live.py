@@ -9,6 +9,8 @@ from typing import Annotated, Any, cast
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class BenchLive:
@@ -55,7 +57,7 @@ class BenchLive:
         with tqdm(desc="bench live", bar_format="{desc} [{elapsed}]") as bar:
             document = run(plan, told=lambda text: bar.set_description(f"bench live: {text}"))
         write_results(self, document)
-        print(table(document))
+        say(*table(document).splitlines())
 
 
 def table(document: Mapping[str, Any]) -> str:

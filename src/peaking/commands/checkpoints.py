@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class Checkpoints:
@@ -28,7 +30,7 @@ class Checkpoints:
         from peaking.errors import CheckpointError
 
         folder = self.folder or checkpoints_folder()
-        print(f"Folder of checkpoints: {folder} (set PEAKING_CHECKPOINTS to use another)")
+        say(f"Folder of checkpoints: {folder} (set PEAKING_CHECKPOINTS to use another)")
         wrong: list[Path] = []
         for known in KNOWN:
             state, path = state_of(known, folder), file_of(known, folder)
@@ -38,8 +40,8 @@ class Checkpoints:
                 "not published": f"found, not checked (no published hash is known): {path}",
                 "wrong": f"WRONG HASH: {path}",
             }[state]
-            print(f"\n{known.name}: {known.purpose}\n  {said}")
-            print(f"  licence: {known.licence}\n  from:    {known.source}")
+            say("", f"{known.name}: {known.purpose}", f"  {said}")
+            say(f"  licence: {known.licence}", f"  from:    {known.source}")
             if state == "wrong" and path is not None:
                 wrong.append(path)
         if wrong:

@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.terminal import say
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Demo:
     """Address to listen on; a loopback address."""
     port: int = 8000
     """Port to listen on, or the next free one; 0: any free port."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Serve also files that links lead to from outside the recording."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
     method: MethodOptions = field(default_factory=MethodOptions)
@@ -42,13 +45,14 @@ class Demo:
         import ipaddress
         import webbrowser
 
-        from peaking.commands.serving import check_port, say_skipped
+        from peaking.commands.serving import check_port, keep_private, say_skipped
         from peaking.datasets import open_recording
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
 
         check_port(self.port)
+        keep_private()
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host
         with checked_arguments():
             options = self.method.options()
@@ -62,17 +66,18 @@ class Demo:
         query = "?source=virtual"
         if self.scene is not None:
             played = self.scene.resolve().name
-            recordings[played] = PlayedRecording(played, open_recording(self.scene))
+            recording = open_recording(self.scene, confined=not self.follow_links)
+            recordings[played] = PlayedRecording(played, recording)
             query = f"?source=replay&recording={quote(played)}"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)
         host = f"[{name}]" if ":" in name else name
         address = f"http://{host}:{listener.getsockname()[1]}/"
 
         def started() -> None:
-            print(f"Capture page:        {address}{query if recordings else ''}")
-            print(f"List of sessions:    {address}sessions")
-            print(f"Folder of sessions:  {self.sessions.resolve()}")
-            print("Stop with Ctrl-C.", flush=True)
+            say(f"Capture page:        {address}{query if recordings else ''}")
+            say(f"List of sessions:    {address}sessions")
+            say(f"Folder of sessions:  {self.sessions.resolve()}")
+            say("Stop with Ctrl-C.")
             if not self.no_open:
                 webbrowser.open(address + query)
 

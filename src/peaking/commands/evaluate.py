@@ -12,6 +12,7 @@ import tyro
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, POLICY_NAMES, PolicyName
+from peaking.terminal import say
 
 if TYPE_CHECKING:
     from peaking.experiments.executors import Executor
@@ -93,10 +94,10 @@ class Evaluate:
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
         if self.json is not None:
             write_atomically(self.json, results_json(evaluation).encode())
-        print(table_md(evaluation))
+        say(*table_md(evaluation).splitlines())
         if evaluation.costs is not None:
-            print(evaluation.costs.line())
-        print(f"report: {(self.out / 'report.html').resolve()}")
+            say(evaluation.costs.line())
+        say(f"report: {(self.out / 'report.html').resolve()}")
 
     def _plan(self) -> EvaluationOptions:
         from peaking.experiments.plan import EvaluationOptions

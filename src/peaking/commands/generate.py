@@ -10,6 +10,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.terminal import say
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Generate:
         write_mpi(self.out, mpi, codec=self.codec, quality=self.quality)
         width, height = mpi.camera.pinhole.size_px
         kilobytes = self.out.stat().st_size / 1e3
-        print(
+        say(
             f"{self.out}: {width}x{height}x{mpi.num_planes}, {len(mpi.texels)} tiles, "
             f"{kilobytes:.0f} kB{'' if made.metric else '; its scale is a guess'}"
         )

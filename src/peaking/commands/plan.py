@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from peaking.terminal import say
+
 if TYPE_CHECKING:
     from peaking.guidance.plenoptic import PlenopticBound
     from peaking.guidance.viewing import Limit, Viewing
@@ -94,33 +96,32 @@ class Plan:
         found = limits(bound, viewing)
         limiting = found[0]
         seen = replace(bound, detail_px=limiting.detail_px)
-        print(
+        say(
             f"MPIs of {self.width_px:g} px over {self.fov_deg:g}°, {self.num_planes} planes; "
             f"nearest surface at {self.z_min_m:g} m; square of {100 * self.area_m:g} cm"
         )
-        print(f"plenoptic bound   {_in_words(bound)}")
-        print(f"visible detail    {_in_words(seen)}")
-        print(f"limited by        {NAMES[limiting.factor]}\n")
-        print(
-            "finest detail        on screen   at the eye     in an MPI   views if only this limits"
-        )
+        say(f"plenoptic bound   {_in_words(bound)}")
+        say(f"visible detail    {_in_words(seen)}")
+        say(f"limited by        {NAMES[limiting.factor]}", "")
+        say("finest detail        on screen   at the eye     in an MPI   views if only this limits")
         for limit in found:
             views = replace(bound, detail_px=limit.detail_px).num_views_exact
             bar = "█" * max(1, round(BAR_CHARS * limit.on_display_m / limiting.on_display_m))
-            print(
+            say(
                 f"  {NAMES[limit.factor]:14} {1000 * limit.on_display_m:10.3f} mm "
                 f"{limit.arcmin:10.2f}' {limit.detail_px:10.2f} px {views:9.1f}  {bar}"
             )
         if limiting.factor == "mpi":
             finer = found[1]
             width_px = self.width_px / finer.detail_px
-            print(
-                f"\nThe {NAMES[finer.factor]} resolves more: an MPI of {width_px:.0f} px would use "
-                f"that, and need N = {bound.num_views_exact / finer.detail_px**2:.1f}."
+            say(
+                "",
+                f"The {NAMES[finer.factor]} resolves more: an MPI of {width_px:.0f} px would use "
+                f"that, and need N = {bound.num_views_exact / finer.detail_px**2:.1f}.",
             )
         if self.plot is not None and drawing is not None:
             write_atomically(self.plot, drawing)
-            print(f"\nplot: {self.plot.resolve()}")
+            say("", f"plot: {self.plot.resolve()}")
         write_results(
             self,
             {

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -51,8 +53,9 @@ class Quality:
                 "single_view": single_view.as_dict(views),
                 "depth": depth_completion.as_dict(depths),
             }
-            tqdm.write(
-                f"\n## {name}: from one view to a neighbour\n\n{single_view.as_markdown(views)}"
-            )
-            tqdm.write(f"\n## {name}: depth completion\n\n{depth_completion.as_markdown(depths)}")
+            with tqdm.external_write_mode():
+                say("", f"## {name}: from one view to a neighbour", "")
+                say(*single_view.as_markdown(views).splitlines())
+                say("", f"## {name}: depth completion", "")
+                say(*depth_completion.as_markdown(depths).splitlines())
         write_results(self, {"scenes": measured})

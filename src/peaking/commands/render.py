@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.terminal import say
 
 if TYPE_CHECKING:
     from peaking.geometry import Camera
@@ -59,9 +60,7 @@ class Render:
             straight = np.dstack([rendering.rgb(), rendering.alpha])
             picture = np.clip(straight * 255.0 + 0.5, 0, 255).astype(np.uint8)
         write_atomically(self.out, encode_png(picture))
-        print(
-            f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture is covered by a view"
-        )
+        say(f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture is covered by a view")
 
     def _light_field_and_camera(self) -> tuple[LightField, Camera]:
         from peaking.datasets import open_recording

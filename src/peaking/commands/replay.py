@@ -12,6 +12,7 @@ import tyro
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
+from peaking.terminal import say
 
 STARTING = "starting (the first run compiles for about 30 s)"
 COMPILED_AFTER = 2
@@ -65,6 +66,10 @@ class Replay:
     """Frames per second of the video."""
     no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Write no overlay.mp4, which needs the program ffmpeg."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Copy into captured/ also files that links lead to from outside the recording."""
+    keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Keep the metadata of the pictures in captured/: EXIF with GPS, XMP, comments."""
     json: Path | None = None
     """Also write summary.json to this file."""
     method: MethodOptions = field(default_factory=MethodOptions)
@@ -108,6 +113,8 @@ class Replay:
                 fps=self.fps,
                 with_video=not self.no_video,
                 guide=guide,
+                follow_links=self.follow_links,
+                keep_exif=self.keep_exif,
             )
         bar = tqdm(range(options.num_frames), desc=STARTING, unit="frame")
 
@@ -123,12 +130,12 @@ class Replay:
             write_atomically(self.json, (self.out / "summary.json").read_bytes())
         mean = summary.mean_peaked_share
         share = "" if mean is None else f"; on average {mean:.2%} of the pixels were red"
-        print(f"captured {summary.captured} of {summary.frames} frames{share}")
+        say(f"captured {summary.captured} of {summary.frames} frames{share}")
         walk = summary.settings.guide
         if walk is not None:
-            print(
+            say(
                 f"guide {walk['kind']}: nearest depth {walk['z_min_m']:.2f} m; the recorded path "
                 f"reaches {walk['reached']} of {walk['targets']} targets"
             )
-        print(f"captured views: {self.out / 'captured'}")
-        print(f"report: {(self.out / 'report.html').resolve()}")
+        say(f"captured views: {self.out / 'captured'}")
+        say(f"report: {(self.out / 'report.html').resolve()}")

@@ -10,6 +10,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.terminal import say
 
 MIN_TOKEN_CHARS = 8
 
@@ -46,7 +47,7 @@ class Serve:
 
         import segno
 
-        from peaking.commands.serving import check_port, https_origins, say_skipped
+        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
         from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
         from peaking.server.serving import CLIENT_DIR, bind, serve
@@ -55,6 +56,7 @@ class Serve:
         if len(token) < MIN_TOKEN_CHARS:
             raise ArgumentError(f"need --token of at least {MIN_TOKEN_CHARS} characters")
         check_port(self.port)
+        keep_private()
         with checked_arguments():
             options = self.method.options()
         listener = bind("127.0.0.1" if self.adb else self.host, self.port)
@@ -66,21 +68,19 @@ class Serve:
 
         def started() -> None:
             segno.make(links[0], error="m").terminal(compact=True)
-            print("Open this link on the phone (or scan the code with its camera):")
+            say("Open this link on the phone (or scan the code with its camera):")
             for link in links:
-                print(f"  {link}")
+                say(f"  {link}")
             if self.adb:
-                print(
-                    f"First connect the phone by cable and run:  adb reverse tcp:{port} tcp:{port}"
-                )
+                say(f"First connect the phone by cable and run:  adb reverse tcp:{port} tcp:{port}")
             else:
-                print(
-                    "The phone warns of the certificate once: choose Advanced, then Proceed.\n"
-                    "To avoid the warning, copy this file to the phone and install it as a CA\n"
-                    f"certificate:  {config_folder() / 'peaking-ca.pem'}"
+                say(
+                    "The phone warns of the certificate once: choose Advanced, then Proceed.",
+                    "To avoid the warning, copy this file to the phone and install it as a CA",
+                    f"certificate:  {config_folder() / 'peaking-ca.pem'}",
                 )
-            print(f"Folder of sessions:  {self.sessions.resolve()}")
-            print("Stop with Ctrl-C.", flush=True)
+            say(f"Folder of sessions:  {self.sessions.resolve()}")
+            say("Stop with Ctrl-C.")
 
         serve(
             listener,

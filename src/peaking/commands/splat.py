@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
+from peaking.terminal import say
 
 if TYPE_CHECKING:
     from peaking.frame import Frame
@@ -83,12 +84,12 @@ class Splat:
             gaussians = train(training, options, points=points, backend=backend, progress=show)
         data = encode_ply(gaussians)
         write_atomically(self.out, data)
-        print(f"{self.out}: {len(gaussians)} Gaussians, {len(data) / 1e6:.1f} MB")
+        say(f"{self.out}: {len(gaussians)} Gaussians, {len(data) / 1e6:.1f} MB")
         if self.previews:
             self._write_preview(gaussians, held_out or training)
         psnr_db = _mean_psnr_db(gaussians, held_out) if held_out else None
         if psnr_db is not None:
-            print(f"PSNR of {len(held_out)} held-out pictures: {psnr_db:.2f} dB")
+            say(f"PSNR of {len(held_out)} held-out pictures: {psnr_db:.2f} dB")
         write_results(
             self,
             {
@@ -178,14 +179,14 @@ class Splat:
         from peaking.poses.colmap import estimate_cameras, shrunk_for_features
 
         frames = [shrunk_for_features(recording.read(index)) for index in indices]
-        print(f"COLMAP estimates the cameras of {len(frames)} pictures (takes minutes) ...")
+        say(f"COLMAP estimates the cameras of {len(frames)} pictures (takes minutes) ...")
         found = estimate_cameras(frames, seed=self.seed)
         placed = [
             replace(frame, camera=camera)
             for frame, camera in zip(frames, found.cameras, strict=True)
             if camera is not None
         ]
-        print(
+        say(
             f"COLMAP placed {len(placed)} of {len(frames)} pictures, {len(found.points)} points; "
             f"the pictures are {100 * found.residual_m:.1f} cm (RMS) from the recorded positions"
         )
@@ -206,7 +207,7 @@ class Splat:
         shown = [frames[int(index)] for index in chosen]
         path = self.out.with_name(f"{self.out.stem}_preview.jpg")
         write_atomically(path, encode_jpeg(preview(gaussians, shown)))
-        print(f"{path}: photographs, renderings and their depth")
+        say(f"{path}: photographs, renderings and their depth")
 
 
 def _mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:

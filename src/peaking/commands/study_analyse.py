@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class Analyse:
@@ -58,8 +60,8 @@ class Analyse:
                 "tests": result_records(analysis),
             },
         )
-        print(
+        say(
             f"{len(analysis.participants)} participants; {len(found)} of {len(declared)} declared "
             f"hypotheses are significant at {alpha:g} after Holm's correction"
         )
-        print(f"report: {(self.out / 'report.html').resolve()}")
+        say(f"report: {(self.out / 'report.html').resolve()}")

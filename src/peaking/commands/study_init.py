@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class Init:
@@ -40,10 +42,10 @@ class Init:
         path = self.folder / FILE_NAME
         if not path.exists():
             write_atomically(path, (files("peaking.study") / "example.toml").read_bytes())
-            print(f"Wrote {path}: read it and change what differs in your study.")
+            say(f"Wrote {path}: read it and change what differs in your study.")
         protocol = load_protocol(path)
         for remark in remarks(protocol):
-            print(f"Note: {remark}")
+            say(f"Note: {remark}")
         if self.language is not None:
             if not re.fullmatch(r"[a-z]{2}(-[A-Za-z]{2,8})?", self.language):
                 raise ArgumentError(f"need --language such as ja or pt-BR, got {self.language!r}")
@@ -51,8 +53,8 @@ class Init:
             if translation.exists():
                 raise OutputError(f"{translation}: exists already; give another --language")
             write_atomically(translation, template(protocol).encode())
-            print(
+            say(
                 f'Wrote {translation}: translate it, and write language = "{self.language}" in '
                 f"{FILE_NAME}."
             )
-        print(f"Next:  peaking study serve {self.folder}")
+        say(f"Next:  peaking study serve {self.folder}")

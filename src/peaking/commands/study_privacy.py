@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from peaking.terminal import harmless, say
+
 
 @dataclass(frozen=True)
 class Export:
@@ -26,10 +28,12 @@ class Export:
 
     def run(self) -> None:
         """Write it."""
+        from peaking.commands.serving import keep_private
         from peaking.study.privacy import export_participant
 
+        keep_private()
         export_participant(self.folder, self.participant, self.out)
-        print(f"Wrote {self.out}")
+        say(f"Wrote {self.out}")
 
 
 @dataclass(frozen=True)
@@ -51,12 +55,16 @@ class Erase:
 
     def run(self) -> None:
         """Ask, and delete."""
+        from peaking.commands.serving import keep_private
         from peaking.server.study.erasure import erase_participant
 
+        keep_private()
         if not self.yes:
-            answer = input(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")
+            answer = input(
+                harmless(f"Delete all data of {self.participant} in {self.folder}? Type yes: ")
+            )
             if answer.strip().lower() != "yes":
-                print("Nothing was deleted.")
+                say("Nothing was deleted.")
                 return
         erase_participant(self.folder, self.participant)
-        print(f"Erased {self.participant}.")
+        say(f"Erased {self.participant}.")

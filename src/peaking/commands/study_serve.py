@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from peaking.terminal import say
+
 
 @dataclass(frozen=True)
 class ServeStudy:
@@ -39,7 +41,7 @@ class ServeStudy:
         """Serve until Ctrl-C."""
         import secrets
 
-        from peaking.commands.serving import check_port, https_origins, say_skipped
+        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
         from peaking.options import PRESETS
         from peaking.server.app import ServerOptions, create_app
         from peaking.server.events import Hub
@@ -51,6 +53,7 @@ class ServeStudy:
         from peaking.study.protocol import load_protocol
 
         check_port(self.port)
+        keep_private()
         load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
             sessions = SessionStore(self.folder / "sessions")
@@ -95,14 +98,14 @@ class ServeStudy:
             secret = "" if token is None else f"#token={token}&console={console_token}"
 
             def started() -> None:
-                print("Console, for the experimenter only:")
+                say("Console, for the experimenter only:")
                 for origin in origins:
-                    print(f"  {origin}/study{secret}")
-                print("The console shows the links for the phones.")
+                    say(f"  {origin}/study{secret}")
+                say("The console shows the links for the phones.")
                 for remark in study.remarks:
-                    print(f"Note: {remark}")
-                print(f"Folder of the study:  {self.folder.resolve()}")
-                print("Stop with Ctrl-C.", flush=True)
+                    say(f"Note: {remark}")
+                say(f"Folder of the study:  {self.folder.resolve()}")
+                say("Stop with Ctrl-C.")
 
             def stopping() -> None:
                 for hub in hubs:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from peaking.commands.arguments import ArgumentError
+from peaking.terminal import say
 
 
 @dataclass(frozen=True)
@@ -43,5 +44,5 @@ class Simulate:
         truths = PAPER if self.effect == "paper" else no_effect(PAPER)
         with complete_or_absent(self.out) as folder:
             write_study(folder, truths, participants=self.participants, seed=self.seed)
-        print(f"simulated {self.participants} participants: {self.out}")
-        print(f"Next:  peaking study analyse {self.out} --out {self.out}-results")
+        say(f"simulated {self.participants} participants: {self.out}")
+        say(f"Next:  peaking study analyse {self.out} --out {self.out}-results")

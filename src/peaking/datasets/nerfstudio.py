@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.stored_images import (
@@ -45,8 +46,10 @@ from peaking.errors import OutputError, RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
+from peaking.pictures.metadata import without_metadata
 from peaking.point_cloud import visible_points
 
+_NO_PICTURES = (".npy", ".ply")
 _SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
 
@@ -77,6 +80,8 @@ class NerfstudioRecording:
     """One per picture."""
     top: Json
     """The fields of transforms.json that are about all frames."""
+    confined: bool = False
+    """No file is read through a link that leaves the folder."""
 
     def __len__(self) -> int:
         return len(self.views)
@@ -135,13 +140,13 @@ class NerfstudioRecording:
         """
         view = self.views[index]
         path = self.root / view.picture
-        rgb = read_picture(path)
+        rgb = read_picture(path, within=self._within)
         if (rgb.shape[1], rgb.shape[0]) != view.camera.pinhole.size_px:
             problem = "changed its size after the recording was opened"
             raise RecordingError(path, problem, remedy="open the recording again")
         depth_m = None
         if view.depth is not None:
-            depth_m = read_depth(self.root / view.depth, view.depth_unit_m)
+            depth_m = read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
             depth_m = view.lens.undistorted_depth(depth_m)
         return Frame(
             name=view.name,
@@ -155,7 +160,7 @@ class NerfstudioRecording:
     def depth_size_px(self, index: int) -> tuple[int, int] | None:
         """Return width and height of a frame's depth map, without decoding it; None without one."""
         depth = self.views[index].depth
-        return None if depth is None else depth_size_px(self.root / depth)
+        return None if depth is None else depth_size_px(self.root / depth, within=self._within)
 
     def true_depth_m(self, index: int) -> Float32[np.ndarray, "h w"] | None:
         """Return the exact depth of a drawn scene (`exact_depth_file_path`, mm); else None.
@@ -166,13 +171,16 @@ class NerfstudioRecording:
         Raises:
             RecordingError: A file cannot be read.
         """
-        entry = self.views[index].entry
-        exact, materials = entry.get("exact_depth_file_path"), entry.get("materials_file_path")
-        if not isinstance(exact, str):
+        fields = Fields(self.path, self.views[index].entry, {})
+        exact, materials = (
+            fields.file(key) for key in ("exact_depth_file_path", "materials_file_path")
+        )
+        if exact is None:
             return None
-        depth_m = read_grey(self.root / exact).astype(np.float32) / np.float32(1000.0)
-        if isinstance(materials, str):
-            depth_m[read_grey(self.root / materials) > 0] = 0.0
+        stored_mm = read_grey(self.root / exact, within=self._within)
+        depth_m = stored_mm.astype(np.float32) / np.float32(1000.0)
+        if materials is not None:
+            depth_m[read_grey(self.root / materials, within=self._within) > 0] = 0.0
         return depth_m
 
     def fingerprint(self) -> str:
@@ -184,16 +192,40 @@ class NerfstudioRecording:
                 digest.update(f"{name}:{size};".encode())
         return digest.hexdigest()[:24]
 
-    def write_subset(self, indices: Sequence[int], out: Path) -> NerfstudioRecording:
+    def check_links(self, indices: Sequence[int]) -> None:
+        """Refuse what `write_subset` would not copy: files that links lead to from elsewhere.
+
+        Raises:
+            RecordingError: A link to one of the views' files leaves the recording.
+        """
+        for name in _files_of(self, [self.views[i] for i in indices]):
+            read_bytes(self.root / name, 1, within=self.root)
+
+    def write_subset(
+        self,
+        indices: Sequence[int],
+        out: Path,
+        *,
+        follow_links: bool = False,
+        keep_exif: bool = False,
+    ) -> NerfstudioRecording:
         """Write some views as a data set of its own, and return it opened.
 
-        Pictures, depth maps, masks and point clouds are copied byte for byte under their own names;
-        all fields are kept, and every frame says as `source_index` which view it was. What was
-        written is read back and compared; `out` appears only when it is complete.
+        Pictures, depth maps, masks and point clouds are copied under their own names, pixels and
+        numbers byte for byte; all fields are kept, and every frame says as `source_index` which
+        view it was. What was written is read back and compared; `out` appears only when it is
+        complete.
+
+        Args:
+            indices: Of the views, in the order in which they are written.
+            out: The folder, new or empty.
+            follow_links: Copy also what links lead to from outside the recording.
+            keep_exif: Keep metadata of the pictures: when, where and with what they were taken.
 
         Raises:
             ValueError: No indices, one twice, or one that is no view of the recording.
-            RecordingError: A file of the recording cannot be read.
+            RecordingError: A file of the recording cannot be read or is reached by a link that
+                leaves it, or its metadata cannot be removed.
             OutputError: `out` is taken, full or not writable.
         """
         if len(indices) == 0 or len(set(indices)) != len(indices):
@@ -205,7 +237,10 @@ class NerfstudioRecording:
         text = json.dumps({**_top_of_subset(self, chosen), "frames": entries}, indent=1)
         with complete_or_absent(out) as folder:
             for name in _files_of(self, chosen):
-                data = _source_bytes(self.root / name)
+                source = self.root / name
+                data = read_bytes(source, within=None if follow_links else self.root)
+                if name.suffix.lower() not in _NO_PICTURES and not keep_exif:
+                    data = _without_metadata(source, data)
                 target = folder / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(data)
@@ -219,13 +254,19 @@ class NerfstudioRecording:
         if view.points is None:
             return None
         if "ply_file_path" in view.entry:
-            return read_points(self.root / view.points) * view.points_unit_m
+            cloud = read_points(self.root / view.points, within=self._within)
+            return cloud * view.points_unit_m
         return visible_points(self._cloud * view.points_unit_m, view.camera)
 
     @cached_property
     def _cloud(self) -> Float64[np.ndarray, "n 3"]:
         """The points of the whole recording, in the units of the file."""
-        return read_points(self.root / self.top["ply_file_path"])
+        name = Fields(self.path, self.top, {}).file("ply_file_path") or Path()
+        return read_points(self.root / name, within=self._within)
+
+    @property
+    def _within(self) -> Path | None:
+        return self.root if self.confined else None
 
 
 def recognises(path: Path) -> bool:
@@ -233,38 +274,46 @@ def recognises(path: Path) -> bool:
     return (path / FILE_NAME).is_file()
 
 
-def open_recording(root: Path) -> NerfstudioRecording:
+def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording:
     """Open a nerfstudio (or instant-ngp, or Blender) data set.
 
     Poses become OpenCV axes and metres: an `applied_scale` in the file is taken back. Intrinsics
     are those of the stored pictures, which may be a multiple of `w`, `h`.
 
+    Args:
+        root: The folder that holds transforms.json.
+        confined: Read no file through a link that leaves the folder, now and later.
+
     Raises:
         RecordingError: The first thing that is wrong, with its file, field and remedy.
     """
-    top = read_json(root)
+    within = root if confined else None
+    top = read_json(root, within=within)
     path = root / FILE_NAME
     scale = Fields(path, top, {}).positive("applied_scale", 1.0)
-    views = [_view(root, fields, scale) for fields in frames_of(path, top)]
+    Fields(path, top, {}).check_paths()
+    views = [_view(root, fields, scale, within) for fields in frames_of(path, top)]
     _refuse_twice(path, views)
     stems = Counter(view.name for view in views)
     if max(stems.values()) > 1:
         views = [replace(view, name=f"{i:05d}_{view.name}") for i, view in enumerate(views)]
-    return NerfstudioRecording(root, tuple(views), {k: v for k, v in top.items() if k != "frames"})
+    shared = {key: value for key, value in top.items() if key != "frames"}
+    return NerfstudioRecording(root, tuple(views), shared, confined)
 
 
-def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
+def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None) -> RecordedView:
+    fields.check_paths()
     picture = fields.file("file_path")
     if picture is None:
         raise fields.wrong("file_path", "is missing")
     world_from_cam = pose_of(fields, applied_scale)
-    lens = lens_of(fields, picture_size_px(root / picture))
+    lens = lens_of(fields, picture_size_px(root / picture, within=within))
     depth, depth_unit_m = depth_of(fields) or (None, 0.001)
     points = None
     if depth is not None:
-        _check_aspect(root / depth, lens)
+        _check_aspect(root / depth, lens, within)
     elif (points := fields.file("ply_file_path")) is not None:
-        check_points(root / points)
+        check_points(root / points, within=within)
     has_time = fields.own.get("timestamp") is not None
     return RecordedView(
         name=picture.stem,
@@ -280,8 +329,8 @@ def _view(root: Path, fields: Fields, applied_scale: float) -> RecordedView:
     )
 
 
-def _check_aspect(path: Path, lens: Lens) -> None:
-    size_px = depth_size_px(path)
+def _check_aspect(path: Path, lens: Lens, within: Path | None) -> None:
+    size_px = depth_size_px(path, within=within)
     if not same_aspect(size_px, lens.pinhole.size_px):
         (width, height), (full_width, full_height) = size_px, lens.pinhole.size_px
         raise RecordingError(
@@ -328,13 +377,12 @@ def _files_of(recording: NerfstudioRecording, chosen: Sequence[RecordedView]) ->
     return list(files)
 
 
-def _source_bytes(path: Path) -> bytes:
+def _without_metadata(path: Path, data: bytes) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise RecordingError(
-            path, f"cannot be read ({error.strerror})", remedy="check the file and its rights"
-        ) from error
+        return without_metadata(data)
+    except ValueError as error:
+        remedy = "store it as JPEG or PNG, or keep its metadata by --keep-exif"
+        raise RecordingError(path, str(error), remedy=remedy) from error
 
 
 def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> NerfstudioRecording:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float64
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import RecordingError
+from peaking.limits import MAX_POINTS_BYTES
 
 MAX_POINTS = 200_000
 """Of a larger cloud, every second, third … point is read."""
@@ -46,24 +49,32 @@ class _Layout:
     properties: tuple[tuple[str, str], ...]
 
 
-def check_points(path: Path) -> None:
+def check_points(path: Path, *, within: Path | None = None) -> None:
     """Read the header of a .ply.
+
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
 
     Raises:
         RecordingError: The file cannot be read, is no .ply, or its vertices have no x, y, z.
     """
-    _layout(path, _bytes(path, _HEAD_BYTES))
+    _layout(path, read_bytes(path, _HEAD_BYTES, within=within))
 
 
-def read_points(path: Path) -> Float64[np.ndarray, "n 3"]:
+def read_points(path: Path, *, within: Path | None = None) -> Float64[np.ndarray, "n 3"]:
     """Read the points of a .ply, ascii or binary; those that are not finite are left out.
 
     At most `MAX_POINTS`, evenly spaced in the file.
 
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
+
     Raises:
-        RecordingError: As `check_points`, or the file is cut off.
+        RecordingError: As `check_points`, or the file is cut off, or too large.
     """
-    data = _bytes(path)
+    data = read_bytes(path, within=within, at_most=MAX_POINTS_BYTES)
     layout = _layout(path, data)
     names = [name for name, _ in layout.properties]
     if layout.order:
@@ -73,13 +84,7 @@ def read_points(path: Path) -> Float64[np.ndarray, "n 3"]:
         vertices = np.frombuffer(data, kind, layout.count, layout.start)
         columns = [vertices[name].astype(np.float64) for name in ("x", "y", "z")]
     else:
-        words = data[layout.start :].split()[: layout.count * len(names)]
-        if len(words) < layout.count * len(names):
-            raise _cut_off(path, layout)
-        try:
-            table = np.array(words, dtype=np.float64).reshape(layout.count, len(names))
-        except ValueError as error:
-            raise RecordingError(path, f"holds no numbers ({error})", remedy=_AGAIN) from error
+        table = _numbers(path, data[layout.start :], layout).reshape(layout.count, len(names))
         columns = [table[:, names.index(name)] for name in ("x", "y", "z")]
     points = np.stack(columns, axis=1)
     points = points[np.isfinite(points).all(axis=1)]
@@ -125,15 +130,21 @@ def _layout(path: Path, data: bytes) -> _Layout:
     return _Layout(end + 1, order, int(elements[0][1]), tuple(properties))
 
 
+def _numbers(path: Path, text: bytes, layout: _Layout) -> Float64[np.ndarray, "numbers"]:
+    """Return the numbers of an ascii file; a word takes up 2 bytes at least."""
+    wanted = layout.count * len(layout.properties)
+    if 2 * wanted > len(text) + 1:
+        raise _cut_off(path, layout)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # of words that are no numbers
+            numbers = np.fromstring(text.decode("ascii"), np.float64, count=wanted, sep=" ")
+    except (ValueError, DeprecationWarning) as error:
+        raise RecordingError(path, "holds words that are no numbers", remedy=_AGAIN) from error
+    if len(numbers) < wanted:
+        raise _cut_off(path, layout)
+    return numbers
+
+
 def _cut_off(path: Path, layout: _Layout) -> RecordingError:
     return RecordingError(path, f"is cut off: need {layout.count} points", remedy=_AGAIN)
-
-
-def _bytes(path: Path, count: int = -1) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(count)
-    except OSError as error:
-        raise RecordingError(
-            path, f"cannot be read ({error.strerror})", remedy="check the file and its rights"
-        ) from error

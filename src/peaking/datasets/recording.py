@@ -76,15 +76,37 @@ class Recording(Protocol):
         """Return a short name that changes with what the recording holds."""
         ...
 
-    def write_subset(self, indices: Sequence[int], out: Path) -> Recording:
+    def check_links(self, indices: Sequence[int]) -> None:
+        """Refuse what `write_subset` would not copy: files that links lead to from elsewhere.
+
+        Raises:
+            RecordingError: A link to one of the frames' files leaves the recording.
+        """
+        ...
+
+    def write_subset(
+        self,
+        indices: Sequence[int],
+        out: Path,
+        *,
+        follow_links: bool = False,
+        keep_exif: bool = False,
+    ) -> Recording:
         """Write some frames as a recording of the same format, and return it opened.
 
         Every frame says which one of this recording it was. What was written is read back and
         compared; `out` appears only when it is complete.
 
+        Args:
+            indices: Of the frames, in the order in which they are written.
+            out: The folder, new or empty.
+            follow_links: Copy also what links lead to from outside the recording.
+            keep_exif: Keep metadata of the pictures: when, where and with what they were taken.
+
         Raises:
             ValueError: No indices, one twice, or one that is no frame.
-            RecordingError: A file of the recording cannot be read.
+            RecordingError: A file of the recording cannot be read or is reached by a link that
+                leaves it, or its metadata cannot be removed.
             OutputError: `out` is taken, full or not writable.
         """
         ...

@@ -6,71 +6,178 @@ end. Here it is an error. A turn noted in EXIF is ignored, as nerfstudio and COL
 
 from __future__ import annotations
 
-import struct
-import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import simplejpeg
 from jaxtyping import Float32, Integer, UInt8
 
+from peaking.datasets.foreign_files import read_bytes, real_path
 from peaking.errors import RecordingError
+from peaking.limits import MAX_PICTURE_BYTES
+from peaking.pictures import jpeg, png
+from peaking.pictures.decoding import decode_jpeg, decode_stored
+from peaking.pictures.too_costly import TooCostly, check_pixels
 
-_JPEG_START = b"\xff\xd8"
-_PNG_START = b"\x89PNG\r\n\x1a\n"
+T = TypeVar("T")
+V = TypeVar("V")
+
 _HEADER_BYTES = 1 << 16
+_BAND_ROWS = 256
+"""Converted at once: the intermediate floats of a whole large picture would fill the memory."""
 
 _CUT_OFF = "copy it again from the camera, or leave this frame out"
 _DEPTH_FORMAT = "store depth as a 16-bit PNG with one channel, or as an .npy array (height, width)"
 
 
-def picture_size_px(path: Path) -> tuple[int, int]:
+def picture_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
     """Return width and height from the first bytes of a JPEG or PNG.
 
     Other formats are decoded to find out.
 
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
+
     Raises:
-        RecordingError: The file cannot be read or is no picture.
+        RecordingError: The file cannot be read, is no picture, or is larger than what is read.
     """
-    head = _bytes(path, _HEADER_BYTES)
-    if head.startswith(_PNG_START):
-        width, height, _, _ = _png_header(path, head)
+    head = _head(path, within)
+    if head.startswith(png.START):
+        width, height, _, _ = _explained(path, png.png_header, head)
         return width, height
-    if head.startswith(_JPEG_START):
+    if head.startswith(jpeg.START):
         try:
             height, width, _, _ = simplejpeg.decode_jpeg_header(head)
         except ValueError:  # a thumbnail or colour profile may come first
-            try:
-                height, width, _, _ = simplejpeg.decode_jpeg_header(_bytes(path))
-            except ValueError as error:
-                raise RecordingError(
-                    path, f"not a sound JPEG ({error})", remedy=_CUT_OFF
-                ) from error
+            return _explained(path, jpeg.check_jpeg, _picture_bytes(path, within))
+        _explained(path, lambda size_px: check_pixels(*size_px), (int(width), int(height)))
         return int(width), int(height)
-    height, width = read_picture(path).shape[:2]
+    height, width = read_picture(path, within=within).shape[:2]
     return width, height
 
 
-def read_picture(path: Path) -> UInt8[np.ndarray, "h w 3"]:
+def read_picture(path: Path, *, within: Path | None = None) -> UInt8[np.ndarray, "h w 3"]:
     """Decode a picture to RGB; transparent parts become white, as NeRF's synthetic scenes want.
 
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
+
     Raises:
-        RecordingError: The file cannot be read, is no picture, or is not complete.
+        RecordingError: The file cannot be read, is no picture, is not complete, or would take too
+            much memory or time (`peaking.limits`).
     """
-    data = _bytes(path)
-    if data.startswith(_JPEG_START):
-        try:
-            return simplejpeg.decode_jpeg(data, "RGB")
-        except ValueError as error:
-            raise RecordingError(path, f"not a sound JPEG ({error})", remedy=_CUT_OFF) from error
-    stored = _decode(path, data)
-    if stored.dtype == np.uint16:
-        stored = np.round(stored / 257.0).astype(np.uint8)
-    if stored.dtype != np.uint8:
+    data = _picture_bytes(path, within)
+    if data.startswith(jpeg.START):
+        return _explained(path, decode_jpeg, data)
+    stored = _explained(path, decode_stored, data)
+    if stored.dtype.str not in ("|u1", "<u2"):
         raise RecordingError(
             path, f"has pixels of type {stored.dtype}", remedy="store it as JPEG or 8-bit PNG"
         )
+    rgb = np.empty((*stored.shape[:2], 3), np.uint8)
+    for top in range(0, len(stored), _BAND_ROWS):
+        band = slice(top, top + _BAND_ROWS)
+        rgb[band] = _rgb_of(stored[band])
+    return rgb
+
+
+def depth_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
+    """Return width and height of a depth map from its header.
+
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
+
+    Raises:
+        RecordingError: The file cannot be read or is no depth map (16-bit grey PNG or .npy).
+    """
+    if path.suffix.lower() == ".npy":
+        height, width = _npy(path, within).shape
+        return width, height
+    head = _head(path, within)
+    width, height, bits, color = _explained(path, png.png_header, head, remedy=_DEPTH_FORMAT)
+    if (bits, color) != (16, 0):
+        channels = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGBA"}
+        raise RecordingError(path, f"is {bits}-bit {channels[color]}", remedy=_DEPTH_FORMAT)
+    return width, height
+
+
+def read_depth(
+    path: Path, unit_m: float, *, within: Path | None = None
+) -> Float32[np.ndarray, "h w"]:
+    """Decode a depth map to metres, 0 = unknown.
+
+    Args:
+        path: The file.
+        unit_m: Of its values, in metres.
+        within: A folder; links that lead out of it are refused.
+
+    Raises:
+        RecordingError: The file cannot be read, is not complete, or holds no known depth at all.
+    """
+    if path.suffix.lower() == ".npy":
+        with np.errstate(over="ignore"):  # what float32 has no room for is unknown
+            stored = _npy(path, within).astype(np.float32)
+        stored = np.where(np.isfinite(stored) & (stored > 0), stored, np.float32(0))
+    else:
+        data = _picture_bytes(path, within)
+        stored = _explained(path, decode_stored, data).astype(np.float32)
+    if stored.ndim != 2:
+        raise RecordingError(path, f"has shape {stored.shape}", remedy=_DEPTH_FORMAT)
+    if not stored.any():
+        raise RecordingError(
+            path,
+            "holds no known depth: every pixel is 0",
+            remedy="remove depth_file_path from this frame, or leave the frame out",
+        )
+    stored *= np.float32(unit_m)
+    return stored
+
+
+def read_grey(path: Path, *, within: Path | None = None) -> Integer[np.ndarray, "h w"]:
+    """Decode a grey picture of 8 or 16 bits as it is stored.
+
+    Raises:
+        RecordingError: The file cannot be read, or is not complete.
+    """
+    return _explained(path, decode_stored, _picture_bytes(path, within))
+
+
+def _head(path: Path, within: Path | None) -> bytes:
+    return _not_empty(path, read_bytes(path, _HEADER_BYTES, within=within))
+
+
+def _picture_bytes(path: Path, within: Path | None) -> bytes:
+    return _not_empty(path, read_bytes(path, within=within, at_most=MAX_PICTURE_BYTES))
+
+
+def _not_empty(path: Path, data: bytes) -> bytes:
+    if not data:
+        raise RecordingError(path, "is empty", remedy=_CUT_OFF)
+    return data
+
+
+def _explained(path: Path, look: Callable[[V], T], at: V, *, remedy: str = _CUT_OFF) -> T:
+    """Look at the bytes of a file; what is wrong with them is said with its name."""
+    try:
+        return look(at)
+    except TooCostly as error:
+        raise RecordingError(path, str(error), remedy=error.remedy) from error
+    except ValueError as error:
+        raise RecordingError(path, str(error), remedy=remedy) from error
+    except MemoryError as error:
+        problem = "needs more memory than there is"
+        raise RecordingError(path, problem, remedy="make the picture smaller") from error
+
+
+def _rgb_of(stored: np.ndarray) -> np.ndarray:
+    if stored.dtype == np.uint16:
+        stored = np.round(stored / 257.0).astype(np.uint8)
     if stored.ndim == 2:
         return cv2.cvtColor(stored, cv2.COLOR_GRAY2RGB)
     if stored.shape[2] == 4:
@@ -80,112 +187,16 @@ def read_picture(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     return cv2.cvtColor(stored, cv2.COLOR_BGR2RGB)
 
 
-def depth_size_px(path: Path) -> tuple[int, int]:
-    """Return width and height of a depth map from its header.
-
-    Raises:
-        RecordingError: The file cannot be read or is no depth map (16-bit grey PNG or .npy).
-    """
-    if path.suffix.lower() == ".npy":
-        height, width = _npy(path).shape
-        return width, height
-    width, height, bits, color = _png_header(path, _bytes(path, _HEADER_BYTES))
-    if (bits, color) != (16, 0):
-        channels = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGBA"}
-        raise RecordingError(
-            path, f"is {bits}-bit {channels.get(color, 'unknown')}", remedy=_DEPTH_FORMAT
-        )
-    return width, height
-
-
-def read_depth(path: Path, unit_m: float) -> Float32[np.ndarray, "h w"]:
-    """Decode a depth map to metres, 0 = unknown.
-
-    Raises:
-        RecordingError: The file cannot be read, is not complete, or holds no known depth at all.
-    """
-    if path.suffix.lower() == ".npy":
-        stored = _npy(path).astype(np.float32)
-        stored = np.where(np.isfinite(stored) & (stored > 0), stored, np.float32(0))
-    else:
-        stored = _decode(path, _bytes(path)).astype(np.float32)
-    if not stored.any():
-        raise RecordingError(
-            path,
-            "holds no known depth: every pixel is 0",
-            remedy="remove depth_file_path from this frame, or leave the frame out",
-        )
-    return stored * np.float32(unit_m)
-
-
-def read_grey(path: Path) -> Integer[np.ndarray, "h w"]:
-    """Decode a grey picture of 8 or 16 bits as it is stored.
-
-    Raises:
-        RecordingError: The file cannot be read, or is not complete.
-    """
-    return _decode(path, _bytes(path))
-
-
-def _bytes(path: Path, count: int = -1) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(count)
-    except OSError as error:
-        raise RecordingError(
-            path, f"cannot be read ({error.strerror})", remedy="check the file and its rights"
-        ) from error
-    if not data:
-        raise RecordingError(path, "is empty", remedy=_CUT_OFF)
-    return data
-
-
-def _decode(path: Path, data: bytes) -> np.ndarray:
-    if data.startswith(_PNG_START):
-        _check_complete_png(path, data)
-    how = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-    stored = cv2.imdecode(np.frombuffer(data, np.uint8), how)
-    if stored is None:
-        raise RecordingError(
-            path, "is not a picture that can be decoded", remedy="store it as JPEG or PNG"
-        )
-    return stored
-
-
-def _png_header(path: Path, head: bytes) -> tuple[int, int, int, int]:
-    """Return width, height, bits per channel and colour type (PNG specification, 11.2.2)."""
-    if not head.startswith(_PNG_START):
-        raise RecordingError(path, "is not a PNG", remedy=_DEPTH_FORMAT)
-    if len(head) < 26 or head[12:16] != b"IHDR":
-        raise RecordingError(path, "is cut off in the PNG header", remedy=_CUT_OFF)
-    return struct.unpack(">IIBB", head[16:26])
-
-
-def _check_complete_png(path: Path, data: bytes) -> None:
-    """Walk the chunks up to IEND and compare their checksums (PNG specification, 5.3)."""
-    view, start, kind = memoryview(data), len(_PNG_START), b""
-    while kind != b"IEND":
-        if start + 12 > len(data):
-            raise RecordingError(path, "is cut off: the PNG has no end", remedy=_CUT_OFF)
-        (length,) = struct.unpack_from(">I", data, start)
-        end = start + 8 + length
-        kind = data[start + 4 : start + 8]
-        if end + 4 > len(data):
-            raise RecordingError(path, "is cut off: the PNG has no end", remedy=_CUT_OFF)
-        (checksum,) = struct.unpack_from(">I", data, end)
-        if zlib.crc32(view[start + 4 : end]) != checksum:
-            raise RecordingError(path, "is damaged: a PNG checksum differs", remedy=_CUT_OFF)
-        start = end + 4
-
-
-def _npy(path: Path) -> np.ndarray:
+def _npy(path: Path, within: Path | None) -> np.ndarray:
     """Map an .npy file into memory; its length is checked against its header."""
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(path, f"is not a sound .npy ({error})", remedy=_CUT_OFF) from error
+    with real_path(path, within=within) as opened:
+        try:
+            array = np.load(opened, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, EOFError, OverflowError, MemoryError) as error:
+            raise RecordingError(path, f"is not a sound .npy ({error})", remedy=_CUT_OFF) from error
     if array.ndim != 2 or array.dtype.kind not in "uif" or array.size == 0:
         raise RecordingError(
             path, f"holds {array.dtype} of shape {array.shape}", remedy=_DEPTH_FORMAT
         )
+    _explained(path, lambda shape: check_pixels(shape[1], shape[0]), array.shape)
     return array

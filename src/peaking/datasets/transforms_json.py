@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.errors import RecordingError
 from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Pinhole, Rigid, World
+from peaking.limits import MAX_TRANSFORMS_BYTES
 
 Json = Mapping[str, Any]
 
@@ -29,6 +32,8 @@ _MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FU
 _BENDS = ("k1", "k2", "p1", "p2", "k3")
 _BENDS_TOO_MUCH = ("k4", "k5", "k6")
 _PICTURE_ENDINGS = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
+_LEAVES = re.compile(r"/|\.\.(/|\Z)|[A-Za-z]:")
+"""How a path begins that leaves its folder: a root, the folder above, a drive."""
 _EXPORT_AGAIN = "export the recording again as nerfstudio's transforms.json"
 
 
@@ -104,13 +109,7 @@ class Fields:
         text = self.text(key)
         if text is None:
             return None
-        name = os.path.normpath(text)
-        if Path(name).is_absolute() or Path(name).parts[:1] == ("..",):
-            raise self.wrong(
-                key,
-                f"points outside the recording: {_shown(text)}",
-                remedy="put the file into the folder and name it relative to transforms.json",
-            )
+        name = self._inside(key, text)
         endings = _PICTURE_ENDINGS if key == "file_path" else ("",)
         # os.path's test answers False for names that no file can have; Path's raises.
         root = self.path.parent
@@ -124,9 +123,35 @@ class Fields:
             )
         return Path(existing)
 
+    def check_paths(self) -> None:
+        """Refuse every own field `…_path`, also of other programs, that leaves the recording.
 
-def read_json(root: Path) -> Json:
+        Raises:
+            RecordingError: It has a root, a drive, a backslash or a zero byte, or goes up by "..".
+        """
+        for key, value in self.own.items():
+            if key.endswith("_path") and isinstance(value, str):
+                self._inside(key, value)
+
+    def _inside(self, key: str, text: str) -> str:
+        """Return a path in its shortest form."""
+        name = os.path.normpath(text)
+        if _LEAVES.match(name) or "\\" in text or "\0" in text:
+            raise self.wrong(
+                key,
+                f"points outside the recording: {_shown(text)}",
+                remedy="put the file into the folder and name it relative to transforms.json, "
+                'with "/" between folders',
+            )
+        return name
+
+
+def read_json(root: Path, *, within: Path | None = None) -> Json:
     """Read transforms.json of a folder.
+
+    Args:
+        root: The folder.
+        within: A folder; a link that leads out of it is refused.
 
     Raises:
         RecordingError: The folder or the file is missing, or it is not a JSON object.
@@ -135,14 +160,12 @@ def read_json(root: Path) -> Json:
         problem = "is not a folder" if root.exists() else "does not exist"
         raise RecordingError(root, problem, remedy="give the folder that holds transforms.json")
     path = root / FILE_NAME
-    try:
-        value = json.loads(path.read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError as error:
+    if not os.path.lexists(path):
         remedy = "give the folder that holds it: a recording in nerfstudio's format"
-        raise RecordingError(path, "does not exist", remedy=remedy) from error
-    except OSError as error:
-        remedy = "check the file and its rights"
-        raise RecordingError(path, f"cannot be read ({error.strerror})", remedy=remedy) from error
+        raise RecordingError(path, "does not exist", remedy=remedy)
+    data = read_bytes(path, within=within, at_most=MAX_TRANSFORMS_BYTES)
+    try:
+        value = json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise RecordingError(path, f"is not JSON ({error})", remedy=_EXPORT_AGAIN) from error
     if not isinstance(value, dict):

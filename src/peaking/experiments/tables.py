@@ -7,8 +7,6 @@ deviations over the test views. Ratios are taken scene by scene and budget by bu
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -18,6 +16,7 @@ import numpy as np
 from peaking.experiments.costs import Costs
 from peaking.experiments.results import MEASURES, CaseResult, Difference, ViewScore
 from peaking.output import plain
+from peaking.reports.csv_table import csv_text
 
 READING = (
     "Ratios to Ours of the mean over the test views and, in brackets, of the standard deviation "
@@ -151,24 +150,18 @@ def per_view_csv(evaluation: Evaluation) -> str:
 
     The first line is "#" and the configuration as JSON, the second has the names.
     """
-    text = io.StringIO()
-    text.write(f"# {_provenance(evaluation)}\n")
-    table = csv.writer(text, lineterminator="\n")
     score_fields = [field.name for field in fields(ViewScore)]
-    table.writerow(
-        ["scene", "strategy", "reconstruct", "test_views", "n_views", "seed", *score_fields]
-    )
-    for result in sorted(evaluation.results, key=lambda r: r.case):
-        case = result.case
-        for score in result.scores:
-            table.writerow(
-                [
-                    *(case.scene, case.strategy, case.reconstruct, case.test_views),
-                    *(case.n_views, case.seed),
-                    *(_csv_cell(getattr(score, name)) for name in score_fields),
-                ]
-            )
-    return text.getvalue()
+    heads = ["scene", "strategy", "reconstruct", "test_views", "n_views", "seed", *score_fields]
+    rows = [
+        [
+            *(result.case.scene, result.case.strategy, result.case.reconstruct),
+            *(result.case.test_views, result.case.n_views, result.case.seed),
+            *(_csv_cell(getattr(score, name)) for name in score_fields),
+        ]
+        for result in sorted(evaluation.results, key=lambda r: r.case)
+        for score in result.scores
+    ]
+    return csv_text([heads, *rows], provenance=_provenance(evaluation))
 
 
 def results_json(evaluation: Evaluation) -> str:
@@ -294,10 +287,8 @@ def _number(value: str | int | float | None) -> float | None:
     return None if value is None else float(value)
 
 
-def _csv_cell(value: str | int | float | None) -> str:
-    if value is None:
-        return ""
-    return f"{value:.6f}" if isinstance(value, float) else str(value)
+def _csv_cell(value: str | int | float | None) -> str | int | None:
+    return f"{value:.6f}" if isinstance(value, float) else value
 
 
 def _provenance(evaluation: Evaluation) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import statistics
@@ -15,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from peaking.output import plain
+from peaking.reports.csv_table import csv_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,30 +162,26 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
         OSError: The file cannot be written.
     """
     stages = stage_names(records)
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(
+    heads = [
+        *("index", "name", "timestamp_s", "captured", "dropped_at", "reason"),
+        *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
+        *("position_x_m", "position_y_m", "position_z_m"),
+        *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
+        *(f"ms_{stage}" for stage in stages),
+    ]
+    rows = [
         [
-            *("index", "name", "timestamp_s", "captured", "dropped_at", "reason"),
-            *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
-            *("position_x_m", "position_y_m", "position_z_m"),
-            *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
-            *(f"ms_{stage}" for stage in stages),
+            *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
+            *("true" if r.captured else "false", "" if r.dropped_at is None else r.dropped_at),
+            r.reason,
+            *(_cell(r.peaked_share), _cell(r.missing_share)),
+            *(_cell(r.mean_error), _cell(r.nearest_distance_m)),
+            *(_cell(float(x)) for x in (*r.position_m, *r.forward, *r.up)),
+            *(_cell(r.stage_ms.get(stage), digits=3) for stage in stages),
         ]
-    )
-    for r in records:
-        table.writerow(
-            [
-                *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
-                *("true" if r.captured else "false", "" if r.dropped_at is None else r.dropped_at),
-                r.reason,
-                *(_cell(r.peaked_share), _cell(r.missing_share)),
-                *(_cell(r.mean_error), _cell(r.nearest_distance_m)),
-                *(_cell(float(x)) for x in (*r.position_m, *r.forward, *r.up)),
-                *(_cell(r.stage_ms.get(stage), digits=3) for stage in stages),
-            ]
-        )
-    write_text(path, text.getvalue())
+        for r in records
+    ]
+    write_text(path, csv_text([heads, *rows]))
 
 
 def _cell(number: float | None, *, digits: int = 6) -> str:

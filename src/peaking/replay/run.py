@@ -64,6 +64,10 @@ class ReplayOptions:
     with_video: bool = True
     guide: GuideOptions | None = None
     """Capture at the targets of a guide instead."""
+    follow_links: bool = False
+    """Copy into `captured/` also what links lead to from outside the recording."""
+    keep_exif: bool = False
+    """Keep the metadata of the pictures in `captured/`."""
 
     def __post_init__(self) -> None:
         if self.max_frames is not None and self.max_frames < 1:
@@ -217,10 +221,13 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
     """Replay and write `overlay.mp4`, `frames.csv`, `summary.json`, `report.html`, `captured/`.
 
     Raises:
-        RecordingError: The recording or one of its frames cannot be used.
+        RecordingError: The recording or one of its frames cannot be used, or is reached by a link
+            that leaves the recording.
         OutputError: `out` is taken, full or not writable; it is complete or absent.
         ToolMissing: There is no program to encode the video with.
     """
+    if not options.follow_links:
+        options.recording.check_links(range(options.num_frames))
     with complete_or_absent(out) as folder:
         guided = _scanned(options)
         walk = Walk(options, _policy(options, guided))
@@ -268,7 +275,12 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
             else {"kind": options.guide.kind, **guided.as_dict()},
         )
         summary = summarize(settings, records)
-        options.recording.write_subset(summary.captured_indices, folder / "captured")
+        options.recording.write_subset(
+            summary.captured_indices,
+            folder / "captured",
+            follow_links=options.follow_links,
+            keep_exif=options.keep_exif,
+        )
         write_frames_csv(folder / "frames.csv", records)
         write_summary(folder / "summary.json", summary)
         write_report(

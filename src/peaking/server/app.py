@@ -48,7 +48,7 @@ from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
 from peaking.server.recordings import PlayedRecording
 from peaking.server.requests import id_in_path, read_body, read_json
-from peaking.server.responses import LASTING, event_stream, json_response, problem
+from peaking.server.responses import LASTING, attachment, event_stream, json_response, problem
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
@@ -205,11 +205,10 @@ class _Handlers:
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
         files = await run_in_threadpool(session.dataset_files)
-        name = f"{session.folder.name}.zip"
         return StreamingResponse(
             iterate_in_threadpool(zip_stream(files)),
             media_type="application/zip",
-            headers={"Content-Disposition": f'attachment; filename="{name}"'},
+            headers=attachment(f"{session.folder.name}.zip"),
         )
 
     async def peaked(self, request: Request) -> Response:

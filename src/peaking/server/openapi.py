@@ -186,5 +186,5 @@ def _parameter(name: str) -> dict[str, Any]:
     if name in ("index", "version"):
         kind = {"type": "integer", "minimum": 0}
     elif name in ("session", "capture", "batch"):
-        kind = {"type": "string", "pattern": r"^[0-9a-z][0-9a-z-]{7,63}$"}
+        kind = msgspec.json.schema(wire.Id)
     return {"name": name, "in": "path", "required": True, "schema": kind}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import AsyncIterable, Mapping
 from http import HTTPStatus
 from typing import Literal
+from urllib.parse import quote
 
 import msgspec
 from starlette.responses import Response, StreamingResponse
@@ -70,6 +72,18 @@ def type_and_title(status: int, kind: ProblemKind | None) -> tuple[str, str]:
 def problem_response(described: wire.Problem, headers: Mapping[str, str] | None = None) -> Response:
     """Return a problem, or one with more fields."""
     return _json(described, described.status, PROBLEM_JSON, headers or {})
+
+
+def attachment(name: str) -> Mapping[str, str]:
+    """Return the headers that have a browser store the answer as a file of any name (RFC 6266).
+
+    Clients that do not read `filename*` get a name in which `_` stands for what is not ASCII.
+    """
+    plain_name = re.sub(r"[^A-Za-z0-9 ._()-]", "_", name)
+    exact = quote(name.encode("utf-8", errors="replace"), safe="")
+    return {
+        "Content-Disposition": f"attachment; filename=\"{plain_name}\"; filename*=UTF-8''{exact}"
+    }
 
 
 def event_stream(events: AsyncIterable[bytes]) -> Response:

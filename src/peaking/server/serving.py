@@ -27,6 +27,7 @@ from peaking.server.connections import (
 from peaking.server.events import Hub
 from peaking.server.http_connection import HttpConnection
 from peaking.server.sessions import SessionStore
+from peaking.terminal import LOGGING
 
 CLIENT_DIR = Path(__file__).parent / "client"
 PORTS_TO_TRY = 20
@@ -135,6 +136,7 @@ class Server(uvicorn.Server):
             app,
             http="httptools",
             ws="none",
+            log_config=LOGGING,
             log_level="warning",
             access_log=False,
             server_header=False,

@@ -18,8 +18,11 @@ from peaking import options as method
 PROTOCOL = 3
 """Goes up when an older client would misunderstand; both sides refuse another version."""
 
-Id = Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$")]
-"""Made by the client (`crypto.randomUUID()`), so that whatever is sent twice is kept once."""
+Id = Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$(?!\n)")]
+"""Made by the client (`crypto.randomUUID()`), so that whatever is sent twice is kept once.
+
+In Python, unlike in JavaScript, `$` alone would let a line break at the end through.
+"""
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 """What a person calls a session. It never becomes a path."""

@@ -6,7 +6,6 @@ Erasing itself is done where the sessions are kept: `peaking.server.study.erasur
 from __future__ import annotations
 
 import contextlib
-import csv
 import fcntl
 import io
 import os
@@ -21,6 +20,7 @@ import msgspec
 from peaking.errors import StudyError
 from peaking.event_log import EventLog
 from peaking.output import write_atomically
+from peaking.reports.csv_table import csv_text
 from peaking.study.measures import measures_of
 from peaking.study.protocol import load_protocol
 from peaking.study.records import (
@@ -63,7 +63,7 @@ def held(study: Path) -> Generator[None, None, None]:
         StudyError: The folder is not there, or another process has it.
     """
     try:
-        descriptor = os.open(study / SERVING, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor = os.open(study / SERVING, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise StudyError(
             study, f"cannot be opened ({error.strerror})", remedy="give the folder of a study"
@@ -171,32 +171,28 @@ def _record(study: Path, participant: str) -> ParticipantRecord:
 
 
 def _answers_csv(record: ParticipantRecord) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["trial", "questionnaire", "item", "answer"])
     places = [("", record.answers), *((t.trial.key, t.answers) for t in record.trials)]
-    for trial, forms in places:
-        for form, answers in forms.items():
-            for item, answer in answers.items():
-                rows.writerow([trial, form, item, _plain(answer)])
-    return text.getvalue()
+    rows = [
+        [trial, form, item, _plain(answer)]
+        for trial, forms in places
+        for form, answers in forms.items()
+        for item, answer in answers.items()
+    ]
+    return csv_text([["trial", "questionnaire", "item", "answer"], *rows])
 
 
 def _measures_csv(record: ParticipantRecord, study: Path) -> str:
     protocol = load_protocol(study)
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["trial", "condition", "scene", "measure", "value"])
-    for trial in record.trials:
-        for name, value in measures_of(trial, protocol).items():
-            own = trial.trial
-            rows.writerow([own.key, own.condition, own.scene, name, _plain(value)])
-    return text.getvalue()
+    rows = [
+        [t.trial.key, t.trial.condition, t.trial.scene, name, value]
+        for t in record.trials
+        for name, value in measures_of(t, protocol).items()
+    ]
+    return csv_text([["trial", "condition", "scene", "measure", "value"], *rows])
 
 
-def _plain(value: object) -> str:
-    if value is None:
-        return ""
+def _plain(value: object) -> object:
+    """Return a cell: a choice of several is one text."""
     if isinstance(value, list):
         return "; ".join(str(one) for one in cast("list[object]", value))
-    return str(value)
+    return value

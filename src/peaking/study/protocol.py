@@ -27,7 +27,7 @@ from peaking.study.questionnaires import (
 FILE_NAME = "protocol.toml"
 VERSION = 1
 
-Slug = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,39}$")]
+Slug = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,39}$(?!\n)")]
 """A short name in lower case, as it stands in tables: `peaking`, `office-left`."""
 
 Text = Annotated[str, Meta(max_length=20_000)]
@@ -115,7 +115,7 @@ class Protocol(Struct, frozen=True):
     """`all`: every condition in every scene; `one`: every condition in a scene of its own."""
     scene_order: Literal["williams", "fixed"] = "williams"
     """Counterbalanced separately from the order of the conditions."""
-    language: Annotated[str, Meta(pattern=r"^[a-z]{2}(-[A-Za-z]{2,8})?$")] = "en"
+    language: Annotated[str, Meta(pattern=r"^[a-z]{2}(-[A-Za-z]{2,8})?$(?!\n)")] = "en"
     """`en`, or the name of a file in the folder `translations/`."""
     consent: Text = ""
     tasks: Tasks = Tasks()

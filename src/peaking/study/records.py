@@ -26,13 +26,13 @@ from peaking.study.questionnaires import Answer
 VERSION = 1
 LOG_NAME = "events.jsonl"
 
-Pseudonym = Annotated[str, Meta(pattern=r"^P[0-9]{2,4}$")]
+Pseudonym = Annotated[str, Meta(pattern=r"^P[0-9]{2,4}$(?!\n)")]
 """P01, P02 …: given by the program, so that nobody's name is ever written."""
 
-StepKey = Annotated[str, Meta(pattern=r"^[a-z0-9_]{1,30}(\.[a-z0-9_-]{1,50}){0,2}$")]
+StepKey = Annotated[str, Meta(pattern=r"^[a-z0-9_]{1,30}(\.[a-z0-9_-]{1,50}){0,2}$(?!\n)")]
 """A step of the procedure (`procedure.py`): `consent`, `t1.capture`, `t2.ask.sus` …"""
 
-EventId = Annotated[str, Meta(pattern=r"^[0-9a-zA-Z-]{1,64}$")]
+EventId = Annotated[str, Meta(pattern=r"^[0-9a-zA-Z-]{1,64}$(?!\n)")]
 """Made by the phone or the console, so that what is sent twice is kept once."""
 
 Who = Literal["participant", "experimenter"]

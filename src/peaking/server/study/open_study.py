@@ -12,6 +12,7 @@ from peaking.errors import PeakingError, StudyError
 from peaking.server.admission import NotAdmitted
 from peaking.server.open_session import UnknownSession
 from peaking.server.sessions import SessionStore
+from peaking.server.store_folder import PRIVATE
 from peaking.server.study import wire
 from peaking.server.study.erasure import finish_erasures
 from peaking.server.study.open_participant import NotNow, OpenParticipant
@@ -48,6 +49,8 @@ class OpenStudy:
         self.sessions = sessions
         self.problems: list[str] = []
         finish_erasures(folder, sessions)
+        (folder / "participants").mkdir(exist_ok=True)
+        (folder / "participants").chmod(PRIVATE)
         self.protocol = load_protocol(folder)
         self.texts = Texts(self.protocol, folder)
         self._digest = hashlib.sha256((folder / FILE_NAME).read_bytes()).hexdigest()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 
+from peaking.reports.csv_table import csv_text
 from peaking.study.analysis.matrix import Matrix
 from peaking.study.analysis.measure_analysis import Analysis, MeasureAnalysis
 from peaking.study.measure_catalogue import Measure
@@ -179,8 +178,4 @@ def _number(value: float) -> float | None:
 
 
 def _csv(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return out.getvalue()
+    return csv_text([header, *rows])

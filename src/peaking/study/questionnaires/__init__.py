@@ -24,7 +24,7 @@ FOLDER = Path(__file__).parent
 Answer = int | float | str | list[str] | None
 """What one item was answered with; None when it was left out."""
 
-Slug = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,39}$")]
+Slug = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]{0,39}$(?!\n)")]
 Words = Annotated[str, Meta(max_length=2000)]
 
 

@@ -1,0 +1,62 @@
+"""How much of anything is read that came from elsewhere: checked before it is decoded.
+
+A few bytes can claim a picture that fills the memory, or make a decoder work for minutes. These are
+all limits there are; docs/protocol.md has them as a table. They admit what cameras and phones make.
+"""
+
+from __future__ import annotations
+
+# Pictures: photos, depth maps, masks.
+
+MAX_PICTURE_BYTES = 2**29
+"""Of a file."""
+
+MAX_PIXELS = 2**27
+"""134 megapixels; decoding one with 16 bits and four channels takes 1 GiB."""
+
+MAX_SCANS = 200
+"""Of a JPEG; progressive ones have about 10."""
+
+MAX_SCAN_PIXELS = 2**31
+"""Scans times pixels of a JPEG: a decoder walks over all pixels in every scan (0.6 ns for each)."""
+
+MAX_SEGMENTS = 10_000
+"""Of a JPEG; 600 kB of metadata have 10."""
+
+MAX_CHUNKS = 2**17
+"""Of a PNG."""
+
+DECODER_MEMORY_BYTES = 4 * 2**30
+"""Of the process that decodes what is neither JPEG nor PNG, programs and libraries included."""
+
+DECODER_SECONDS = 60
+"""For the same."""
+
+DECODINGS_AT_ONCE = 2
+"""Of photos that a server is asked for: thumbnails, and pictures of a recording."""
+
+# Multi-plane images (docs/mpi-format.md).
+
+MAX_MPI_BYTES = 256 * 2**20
+MAX_MPI_SIDE_PX = 16384
+MAX_MPI_PIXELS = 2**24
+"""4096 x 4096: what renders at the size of its camera takes 17 bytes for each."""
+MAX_PLANES = 1024
+MAX_TILES = 2**16
+"""A picture of 4096 x 4096 pixels, 64 MiB of texels."""
+MAX_PLACES = 2**25
+"""Planes x rows x columns of tiles; a table of them takes 128 MiB."""
+
+# Other files.
+
+MAX_TRANSFORMS_BYTES = 256 * 2**20
+"""Of a transforms.json; 100,000 frames take 60 MB."""
+
+MAX_POINTS_BYTES = 2**30
+"""Of a point cloud (.ply)."""
+
+MAX_SPLAT_BYTES = 2**32
+"""Of 3D Gaussians (.ply): 17 million."""
+
+MAX_CHECKPOINT_BYTES = 2**32
+"""Of a network's checkpoint, unpacked."""

@@ -1,0 +1,77 @@
+"""Decodes pictures from anywhere, within `peaking.limits`.
+
+JPEG and PNG are looked at first and decoded here. Of other kinds nothing can be said beforehand:
+they are decoded in a process that may take so much memory and time and no more.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import simplejpeg
+from jaxtyping import UInt8
+
+from peaking.limits import DECODER_SECONDS, MAX_PIXELS
+from peaking.pictures import png
+from peaking.pictures.jpeg import check_jpeg
+from peaking.pictures.too_costly import TooCostly
+
+AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+_NO_PICTURE = "is not a picture that can be decoded"
+
+
+def decode_jpeg(data: bytes) -> UInt8[np.ndarray, "h w 3"]:
+    """Decode a JPEG to RGB; a turn that EXIF notes is ignored.
+
+    Raises:
+        ValueError: It is damaged, cut off, or of a kind that is not read.
+        TooCostly: It would take too much memory or time.
+    """
+    check_jpeg(data)
+    try:
+        return simplejpeg.decode_jpeg(data, "RGB")
+    except ValueError as error:
+        raise ValueError(f"is not a sound JPEG ({error})") from error
+
+
+def decode_stored(data: bytes) -> np.ndarray:
+    """Decode another picture to what is stored: BGR or BGRA or grey, of any type.
+
+    Raises:
+        ValueError: It is damaged, cut off, or no picture.
+        TooCostly: It would take too much memory or time.
+    """
+    if not data.startswith(png.START):
+        return _decoded_elsewhere(data)
+    pixels = png.png_of(data, png.PIXELS)
+    try:
+        stored = cv2.imdecode(np.frombuffer(pixels, np.uint8), AS_STORED)
+    except cv2.error as error:
+        raise ValueError(_NO_PICTURE) from error
+    if stored is None:
+        raise ValueError(_NO_PICTURE)
+    return stored
+
+
+def _decoded_elsewhere(data: bytes) -> np.ndarray:
+    environment = os.environ | {
+        "OPENCV_IO_MAX_IMAGE_PIXELS": str(MAX_PIXELS),
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+    command = [sys.executable, "-m", "peaking.pictures.other_kinds"]
+    try:
+        done = subprocess.run(
+            command, input=data, capture_output=True, timeout=DECODER_SECONDS, env=environment
+        )
+    except subprocess.TimeoutExpired:
+        raise TooCostly("takes too long to decode", remedy="store it as JPEG or PNG") from None
+    head, _, pixels = done.stdout.partition(b"\n")
+    if done.returncode != 0 or not head:
+        raise ValueError(_NO_PICTURE)
+    kind, *shape = head.decode().split()
+    return np.frombuffer(pixels, kind).reshape([int(side) for side in shape])
