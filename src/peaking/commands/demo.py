@@ -85,7 +85,7 @@ class Demo:
             listener,
             sessions=self.sessions,
             config=ServerOptions(
-                token=None,
+                devices=None,
                 client_dir=CLIENT_DIR,
                 options=options,
                 recordings=recordings,

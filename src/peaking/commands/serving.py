@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import stat
 import threading
@@ -28,9 +29,7 @@ MIN_TOKEN_CHARS = 16
 MIN_VARIETY = 8
 """Of a token: different characters, and different steps from one to the next."""
 COMMON_WORDS = ("password", "passwort", "peaking", "secret", "token", "qwert", "12345", "letmein")
-MAKE_ONE = (
-    "make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(24))'"
-)
+MAKE_ONE = "make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(24))'"
 
 
 def check_port(port: int) -> None:
@@ -106,9 +105,7 @@ def fixed_token(file: Path | None) -> str | None:
             with file.open("rb") as opened:
                 found = os.fstat(opened.fileno())
                 if stat.S_ISREG(found.st_mode) and found.st_mode & 0o077:
-                    raise ArgumentError(
-                        f"{source}: other users can read it; run: chmod 600 {file}"
-                    )
+                    raise ArgumentError(f"{source}: other users can read it; run: chmod 600 {file}")
                 said = opened.read(10_000).decode("ascii").strip()
         except OSError as error:
             raise ArgumentError(f"{source}: cannot be read ({error.strerror})") from error
@@ -124,7 +121,7 @@ def fixed_token(file: Path | None) -> str | None:
 
 def _hard_to_guess(token: str) -> bool:
     """Return whether a token looks random: long, varied, no row and nothing repeated."""
-    steps = {ord(b) - ord(a) for a, b in zip(token, token[1:], strict=False)}
+    steps = {ord(b) - ord(a) for a, b in itertools.pairwise(token)}
     plain = token.lower()
     return (
         MIN_TOKEN_CHARS <= len(token) <= 200
@@ -140,17 +137,21 @@ def _hard_to_guess(token: str) -> bool:
 class Invitation:
     """A link in the terminal that pairs one device; when it is over, the next one is shown."""
 
-    def __init__(self, devices: Devices, pages: Sequence[str], *, what: str) -> None:
+    def __init__(
+        self, devices: Devices, pages: Sequence[str], *, what: str, qr: bool = True
+    ) -> None:
         """Show nothing yet.
 
         Args:
             devices: Knows the codes.
             pages: What a device opens, the best address first.
             what: What the next device is called.
+            qr: Show a QR code too.
         """
         self._devices = devices
         self._pages = pages
         self._what = what
+        self._qr = qr
 
     def show(self) -> None:
         """Show all links and the QR code."""
@@ -173,4 +174,5 @@ class Invitation:
     def _show_code(self, link: str) -> None:
         import segno
 
-        segno.make(link, error="m").terminal(compact=True)
+        if self._qr:
+            segno.make(link, error="m").terminal(compact=True)

@@ -366,3 +366,8 @@ def _successor(secret: str, salt: str) -> str:
     """Return the credential that follows from a code or from the credential before it."""
     made = hmac.digest(secret.encode(), salt.encode(), "sha256")
     return base64.urlsafe_b64encode(made).decode().rstrip("=")
+
+
+def has_devices(folder: Path) -> bool:
+    """Return whether a folder of sessions was served to devices."""
+    return (folder / ".peaking" / FILE_NAME).is_file()

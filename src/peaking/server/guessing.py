@@ -1,4 +1,4 @@
-"""Guessing is slow: whoever is wrong waits, an address that is wrong often waits before it is heard.
+"""Guessing is slow: an address that was wrong waits before it is heard again.
 
 Codes and credentials have 144 and 256 random bits, so this is a second wall, and one that must not
 stand in the way of phones that are paired: what they show is looked at first, and never waits.
