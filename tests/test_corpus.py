@@ -216,8 +216,7 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
     assert records["P01"].trials[0].answers["sus"]["q1"] == 4
     store = SessionStore(folder / "sessions")
     config = StudyServerOptions(
-        token=None,
-        console_token=None,
+        devices=None,
         client_dir=folder / "no client",
         phone_links=["http://localhost/participant?participant="],
     )

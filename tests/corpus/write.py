@@ -260,8 +260,7 @@ def _study(folder: Path) -> None:
     (folder / "protocol.toml").write_text(PROTOCOL)
     sessions = SessionStore(folder / "sessions", clock=_clock())
     config = StudyServerOptions(
-        token=None,
-        console_token=None,
+        devices=None,
         client_dir=folder / "none",
         phone_links=["http://localhost/participant?participant="],
     )

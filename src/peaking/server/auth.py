@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from peaking.errors import OutputError
@@ -183,7 +184,7 @@ def address_of(scope: Scope) -> str:
     return client[0] if client else ""
 
 
-def too_many(error: TooManyGuesses) -> ASGIApp:
+def too_many(error: TooManyGuesses) -> Response:
     """Return the answer to somebody who has guessed too often."""
     after = {"Retry-After": str(math.ceil(error.retry_after_s))}
     return problem(429, str(error), headers=after)

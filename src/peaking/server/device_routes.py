@@ -19,7 +19,7 @@ from starlette.routing import Route
 
 from peaking.errors import OutputError
 from peaking.server import wire
-from peaking.server.auth import KNOWN, PAIR, address_of, cookie_header
+from peaking.server.auth import KNOWN, PAIR, address_of, cookie_header, too_many
 from peaking.server.devices import Devices
 from peaking.server.guessing import TooManyGuesses
 from peaking.server.pairing_codes import CODE_LASTS_S, CodeRefused, Grant
@@ -122,8 +122,7 @@ class DeviceHandlers:
                 await guesses.failed(address)
                 return problem(401, sentence, kind="not-paired")
         except TooManyGuesses as error:
-            after = {"Retry-After": f"{error.retry_after_s:.0f}"}
-            return problem(429, str(error), headers=after)
+            return too_many(error)
         device, credential = paired
         answer = wire.Paired(device.id, device.role, None if asked.cookie else credential)
         response = json_response(answer)
