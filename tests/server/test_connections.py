@@ -34,6 +34,7 @@ from peaking.server.http_connection import (
     MAX_WAITING_REQUESTS,
 )
 from peaking.server.requests import mark_paired
+from peaking.server.server_certificate import ServerCertificate
 
 FOR_EVER = math.inf
 PATIENT = ConnectionLimits(

@@ -98,7 +98,11 @@ def test_whatever_is_garbled_the_rest_is_served(
             for capture in captures:
                 for address in ("photo", "thumbnail", "mpi"):
                     answer = client.get(f"{path}/captures/{capture['id']}/{address}")
-                    assert answer.status_code in (200, 404, 422)
+                    assert answer.status_code in (200, 404) or (
+                        victim.parent.name == "images"
+                        and answer.status_code == 500
+                        and "Something went wrong" not in answer.json()["detail"]
+                    )
                     assert answer.content != photo(3)
             again = client.put(f"{path}/captures/{capture_id(7)}", content=upload(7))
             assert again.status_code == 201
@@ -170,3 +174,19 @@ def test_a_damaged_mpi_is_made_again_at_another_address(made: Path, tmp_path: Pa
             pass
         captures = client.get(f"/api/v1/sessions/{SESSION_ID}").json()["captures"]
         assert (captures[0]["state"], captures[0]["mpi_version"]) == ("ready", 2)
+
+
+def test_a_damaged_thumbnail_is_made_again(made: Path, tmp_path: Path) -> None:
+    root = copied(made, tmp_path)
+    sound = {}
+    for thumbnail in root.glob("*/mpi/000001.thumbnail.*.jpg"):
+        data = bytearray(thumbnail.read_bytes())
+        sound[thumbnail] = bytes(data)
+        data[len(data) // 2] ^= 1
+        thumbnail.write_bytes(bytes(data))
+    path = f"/api/v1/sessions/{SESSION_ID}/captures/{capture_id(1)}/thumbnail"
+    with client_of(root) as client:
+        assert client.get(path).content in sound.values()
+        (folder,) = root.glob(f"*_{SESSION_ID[:8]}")
+        (kept,) = folder.glob("mpi/000001.thumbnail.*.jpg")
+        assert kept.read_bytes() == sound[kept]

@@ -102,6 +102,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       const last = session.views.at(-1);
       if (last !== undefined) void session.undo(last.id);
     },
+    restore: (id) => void session.restore(id),
     retry: (id) => void session.retry(id),
     setLook: (look) => { live.look = guide?.look(look) ?? look; },
     finish: (name) => void session.finish(name),
@@ -114,18 +115,19 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const notices = new Notices(info, api);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
-    time_ms: 0, look: live.look, peakedShare: null, views: [], notice: null, canShoot: false,
+    time_ms: 0, look: live.look, peakedShare: null, views: [], restorable: [], notice: null, canShoot: false,
     sessionName: '',
   };
   const onFrame = (frame: LiveFrame): void => {
     live.draw(frame);
     if (extension?.showsGuide !== false) guide?.draw(frame);
     const { seen, hindrance, camera } = live.state;
-    const { trouble, storageProblem, name, views } = session.snapshot;
+    const { trouble, storageProblem, name, views, restorable } = session.snapshot;
     shown.time_ms = frame.time_ms;
     shown.look = live.look;
     shown.peakedShare = seen?.peakedShare ?? null;
     shown.views = views;
+    shown.restorable = restorable;
     shown.notice = notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble);
     shown.canShoot = hindrance === null && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;

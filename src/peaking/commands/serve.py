@@ -40,6 +40,8 @@ class Serve:
     """File with a secret that pairs scripted clients; or the environment's PEAKING_TOKEN."""
     token: str | None = None
     """Refused: other users can read command lines. Use --token-file or PEAKING_TOKEN."""
+    keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -104,6 +106,7 @@ class Serve:
                 client_dir=CLIENT_DIR,
                 options=options,
                 pages=pages,
+                keep_exif=self.keep_exif,
             ),
             context=context,
             started=started,

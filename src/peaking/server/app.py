@@ -13,28 +13,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
-from peaking.datasets.stored_images import read_picture
 from peaking.errors import PeakingError
+from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
-from peaking.output import encode_jpeg, write_atomically
+from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import Guard
+from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
 from peaking.server.device_routes import DeviceHandlers, looked_after
 from peaking.server.devices import Devices
-from peaking.server.disk_full import DiskFull, room_explained
+from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
+from peaking.server.fair_room import Busy, Share
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import (
     NotRestorable,
@@ -47,14 +48,23 @@ from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
 from peaking.server.recordings import PlayedRecording
-from peaking.server.requests import id_in_path, read_body, read_json
-from peaking.server.responses import LASTING, attachment, event_stream, json_response, problem
+from peaking.server.requests import device_of, id_in_path, read_body, read_json
+from peaking.server.responses import (
+    LASTING,
+    attachment,
+    busy,
+    event_stream,
+    json_response,
+    problem,
+    while_it_lasts,
+)
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
+from peaking.server.thumbnails import thumbnail
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
-THUMBNAIL_PX = 240
-RETRY_AFTER_S = 2
+ERASED_EVERY_S = 3600.0
 _log = logging.getLogger("peaking.server")
 
 
@@ -69,6 +79,7 @@ class ServerOptions:
         recordings: What can be played as the camera, by name.
         max_upload_bytes: Larger uploads are refused.
         pages: What a device opens that is paired by another one; its address, the best first.
+        keep_exif: Photos keep their metadata: where, when and with what they were taken.
     """
 
     devices: Devices | None
@@ -77,6 +88,7 @@ class ServerOptions:
     recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
     max_upload_bytes: int = 64_000_000
     pages: Sequence[str] = ()
+    keep_exif: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -103,9 +115,20 @@ class _Handlers:
         self.config = config
         self.hub = hub
         self._selecting = asyncio.Lock()
+        self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
+
+    async def erase_expired(self) -> None:
+        """Erase, as long as this runs, what was deleted too long ago to be restored."""
+        while True:
+            await asyncio.sleep(ERASED_EVERY_S)
+            try:
+                if await run_in_threadpool(self.store.erase_expired):
+                    self.hub.send(SERVER, await run_in_threadpool(self._list))
+            except OSError:  # a full disk: tried again
+                _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
@@ -206,7 +229,7 @@ class _Handlers:
         session = self._session(request)
         files = await run_in_threadpool(session.dataset_files)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files)),
+            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
             media_type="application/zip",
             headers=attachment(f"{session.folder.name}.zip"),
         )
@@ -228,21 +251,15 @@ class _Handlers:
     async def upload(self, request: Request) -> Response:
         session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
-        body = await read_body(request, self.config.max_upload_bytes)
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
-        upload = await run_in_threadpool(parse_upload, body)
-        if not self.queue.room:
-            return problem(
-                503,
-                "The server is busy; the phone tries again.",
-                kind="busy",
-                headers={"Retry-After": str(RETRY_AFTER_S)},
-            )
-        capture, created = await run_in_threadpool(session.store_capture, capture_id, upload)
-        if created:
-            self.queue.put(session, capture_id)
-            self._tell_capture(session, capture)
+        place = self.queue.reserve(device_of(request), session)
+        try:
+            body = await read_body(request, self.config.max_upload_bytes)
+            capture, created = await run_in_threadpool(self._keep, session, capture_id, body, place)
+        except BaseException:
+            place.give_back()
+            raise
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
@@ -291,15 +308,30 @@ class _Handlers:
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        return _file(session.photo_path(capture.id), "image/jpeg")
+        data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        data = await run_in_threadpool(_thumbnail, session, capture)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        async with self._decoding:
+            data = await run_in_threadpool(thumbnail, session, capture.id)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     # Inside
+
+    def _keep(
+        self, session: OpenSession, capture_id: str, body: bytes, place: Share
+    ) -> tuple[wire.Capture, bool]:
+        """Store an upload and have its MPI made (in a thread)."""
+        upload = parse_upload(body, keep_exif=self.config.keep_exif)
+        capture, created = session.store_capture(capture_id, upload)
+        if created:
+            self.queue.put(session, capture_id, place)
+            self._tell_capture(session, capture)
+        else:
+            place.give_back()
+        return capture, created
 
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
@@ -314,7 +346,8 @@ class _Handlers:
 
     def _list(self) -> wire.SessionList:
         sessions = [s.summary(live=self.hub.is_live(s.id)) for s in self.store.all_sessions()]
-        return wire.SessionList(sessions, self.store.problems)
+        problems = [without_paths(problem, self.store.root) for problem in self.store.problems]
+        return wire.SessionList(sessions, problems)
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
@@ -368,8 +401,10 @@ def create_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        erasing = asyncio.ensure_future(server.erase_expired())
         async with looked_after(config.devices):
             yield
+        erasing.cancel()
         server.close()
 
     app = Starlette(
@@ -379,9 +414,10 @@ def create_app(
             *routes_of_recordings(config.recordings),
             *client_pages(config.client_dir),
         ],
-        exception_handlers=_handlers(),
+        exception_handlers=_handlers(store.root),
         lifespan=lifespan,
     )
+    app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
     app.add_middleware(Guard, devices=config.devices)
     return app
 
@@ -414,10 +450,12 @@ def _api_routes(server: _Handlers) -> list[Route]:
     ]
 
 
-def _handlers() -> Mapping[Any, Any]:
+def _handlers(root: Path) -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
             return problem(error.status, str(error), kind=error.kind)
+        if isinstance(error, Busy):
+            return busy(error)
         if isinstance(error, HTTPException):
             return problem(error.status_code, error.detail, headers=error.headers)
         if isinstance(error, UnknownSession | UnknownCapture):
@@ -431,26 +469,23 @@ def _handlers() -> Mapping[Any, Any]:
         if isinstance(error, DiskFull):
             return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)
-        return problem(500, "Something went wrong on the server. Its log has the details.")
+        if isinstance(error, PeakingError):
+            return problem(500, without_paths(str(error), root))
+        sentence = (
+            f"Something went wrong on the server ({cause_of(error)}). Its log has the details."
+        )
+        return problem(500, sentence)
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
 
-def _file(path: Path, media_type: str) -> Response:
-    if not path.is_file():
-        raise HTTPException(404, "There is no such file.")
-    return FileResponse(path, media_type=media_type, headers=LASTING)
-
-
-def _thumbnail(session: OpenSession, capture: wire.Capture) -> bytes:
-    path = session.folder / "mpi" / f"{capture.number:06d}.thumbnail.jpg"
-    if path.is_file():
-        return path.read_bytes()
-    rgb = read_picture(session.photo_path(capture.id))
-    height, width = rgb.shape[:2]
-    scale = min(THUMBNAIL_PX / max(height, width), 1.0)
-    size = (max(round(width * scale), 1), max(round(height * scale), 1))
-    data = encode_jpeg(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), quality=85)
-    with contextlib.suppress(DiskFull), room_explained():  # made again when it is asked for again
-        write_atomically(path, data)
-    return data
+def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
+    """Return a photo; those that an earlier version stored with metadata lose it here."""
+    try:
+        data = session.photo_path(capture.id).read_bytes()
+    except FileNotFoundError:
+        raise HTTPException(404, "There is no such file.") from None
+    try:
+        return data if keep_exif else without_metadata(data)
+    except ValueError as error:
+        raise HTTPException(500, f"The photo is damaged on the disk: {error}.") from error

@@ -1,4 +1,4 @@
-"""Where MPIs are made: off the event loop, in order, with bounded waiting."""
+"""Where MPIs are made: off the event loop, in turn, with bounded waiting."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,23 +19,42 @@ from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
 from peaking.server import wire
+from peaking.server.attempts import counted_attempt
 from peaking.server.disk_full import DiskFull
+from peaking.server.fair_queue import FairQueue
+from peaking.server.fair_room import FairRoom, Share
 from peaking.server.open_session import FAST, OpenSession
+from peaking.server.told import cause_of
 from peaking.server.upload import camera_of_wire
 from peaking.view_builder import ViewBuilder
 
-CAPACITY = 64
+CAPACITY = 512
+"""Captures that may wait or be on their way; one device alone may have half of them."""
+
 ROOM_AGAIN_S = 5.0
 """So long after the disk was full it is tried again, where there is nothing else to do."""
 NO_ROOM = "The server's disk is full. The photo is saved and is processed when there is room."
 _log = logging.getLogger("peaking.server")
 
-Waiting = queue.SimpleQueue[tuple[OpenSession, str] | None]
 Done = Callable[[OpenSession, wire.Capture], None]
 
 
+@dataclass(frozen=True)
+class Waiting:
+    """A capture that waits for its MPI, and whose turn it is."""
+
+    session: OpenSession
+    capture_id: str
+    place: Share | None = None
+
+    @property
+    def device(self) -> str:
+        """Who sent it; "" where the server itself wants it."""
+        return "" if self.place is None else self.place.device
+
+
 class GenerationQueue:
-    """A bounded queue of captures, and threads that make their MPIs.
+    """A queue of captures in which devices take turns, and threads that make their MPIs.
 
     `layered` MPIs are made at once. When the options name another generator, a thread of its own
     makes the better ones after that, and each takes the place of the first.
@@ -52,17 +71,17 @@ class GenerationQueue:
             options: How MPIs are made.
             on_done: Called from a worker when an MPI is ready or has failed.
             workers: Threads that make MPIs at once.
-            capacity: Captures that may wait.
+            capacity: Captures that may wait or be on their way.
 
         Raises:
             BackendUnavailable: PyTorch is asked for by the options, and is not there.
             CheckpointError: A checkpoint is missing or cannot be used.
         """
         self._on_done = on_done
-        self._capacity = capacity
-        self._waiting: Waiting = queue.SimpleQueue()
-        self._better: Waiting = queue.SimpleQueue()
-        self._short_of_room: queue.SimpleQueue[tuple[OpenSession, str]] = queue.SimpleQueue()
+        self.room = FairRoom(capacity)
+        self._waiting: FairQueue[Waiting] = FairQueue()
+        self._better: FairQueue[Waiting] = FairQueue()
+        self._short_of_room: queue.SimpleQueue[Waiting] = queue.SimpleQueue()
         self._disk_full = False
         self._warm = threading.Event()
         self._fast = replace(options, generator=FAST)
@@ -87,35 +106,35 @@ class GenerationQueue:
             thread.start()
 
     @property
-    def room(self) -> bool:
-        """Whether another capture may be put in."""
-        return self._waiting.qsize() < self._capacity
-
-    @property
     def idle(self) -> bool:
         """Whether nothing waits."""
-        return self._waiting.empty()
+        return self._waiting.empty
 
     @property
     def warm(self) -> bool:
         """Whether all kernels are compiled."""
         return self._warm.is_set()
 
-    def put(self, session: OpenSession, capture_id: str) -> None:
-        """Have the MPI of a stored capture made; never refuses what is on the disk already."""
-        self._waiting.put((session, capture_id))
+    def reserve(self, device: str, session: OpenSession) -> Share:
+        """Take a place for a capture that is on its way; for the thread of the event loop.
+
+        Raises:
+            Busy: There is none for this device, or for this session of it.
+        """
+        return self.room.take(1, device, session.id)
+
+    def put(self, session: OpenSession, capture_id: str, place: Share | None = None) -> None:
+        """Have the MPI of a stored capture made; never refuses what is on the disk already.
+
+        The place of a capture is given back when it has its turn.
+        """
+        waiting = Waiting(session, capture_id, place)
+        self._waiting.put(waiting, waiting.device, session.id)
 
     def close(self) -> None:
         """Let the threads finish what they do; what waits is done at the next start."""
-        for waiting in (self._waiting, self._better):
-            while not waiting.empty():
-                try:
-                    waiting.get_nowait()
-                except queue.Empty:
-                    break
-        for _ in self._threads:
-            self._waiting.put(None)
-        self._better.put(None)
+        self._waiting.close()
+        self._better.close()
         for thread in self._threads:
             thread.join(10)
 
@@ -126,24 +145,27 @@ class GenerationQueue:
         encode(builder.generate(_small_frame()))
         self._warm.set()
         while (item := self._next()) is not None:
-            session, capture_id = item
             try:
-                self._serve(builder, session, session.capture(capture_id))
+                self._serve(builder, item)
             except Exception:  # whatever it is, the next capture must be served
-                _log.exception("capture %s was not served to the end", capture_id)
+                _log.exception("capture %s was not served to the end", item.capture_id)
 
-    def _next(self) -> tuple[OpenSession, str] | None:
+    def _next(self) -> Waiting | None:
         """Wait for a capture; when none comes, take one that the disk had no room for."""
         while True:
             try:
                 waits_s = ROOM_AGAIN_S if self._disk_full else 0.0
                 waits_s = None if self._short_of_room.empty() else waits_s
-                return self._waiting.get(timeout=waits_s)
+                item = self._waiting.get(waits_s)
+                if item is not None and item.place is not None:
+                    item.place.give_back()
+                return item
             except queue.Empty:
                 with contextlib.suppress(queue.Empty):  # another thread may have taken it
                     return self._short_of_room.get_nowait()
 
-    def _serve(self, builder: ViewBuilder, session: OpenSession, before: wire.Capture) -> None:
+    def _serve(self, builder: ViewBuilder, item: Waiting) -> None:
+        session, before = item.session, item.session.capture(item.capture_id)
         after = self._make(builder, session, before)
         self._on_done(session, after)
         if after.state != "ready" or after.removed or after.guessed:
@@ -151,7 +173,7 @@ class GenerationQueue:
         if after.mpi_version > before.mpi_version:
             self._ask_again(session, after.id)
         if self._improves:
-            self._better.put((session, after.id))
+            self._better.put(item, item.device, session.id)
 
     def _make(
         self, builder: ViewBuilder, session: OpenSession, capture: wire.Capture
@@ -159,12 +181,13 @@ class GenerationQueue:
         if capture.removed or (capture.state == "ready" and not capture.guessed):
             return capture
         try:
-            frame = session.frame_of(capture.id)
-            others = self._others(builder, session, capture, frame)
-            if capture.state == "ready":
-                made = builder.rebuild_guessed(frame, others)
-            else:
-                made = builder.build(frame, others)
+            with _attempt(session, capture, "first"):
+                frame = session.frame_of(capture.id)
+                others = self._others(builder, session, capture, frame)
+                if capture.state == "ready":
+                    made = builder.rebuild_guessed(frame, others)
+                else:
+                    made = builder.build(frame, others)
             if made is None:
                 return capture  # as much of a guess as before
             ready = _kept(session, capture, made)
@@ -174,15 +197,16 @@ class GenerationQueue:
             if capture.state == "ready":  # the guess stays
                 return session.mark_not_better(capture.id, str(error))
             self._disk_full = True
-            self._short_of_room.put((session, capture.id))
+            self._short_of_room.put(Waiting(session, capture.id))
             return session.mark_failed(capture.id, NO_ROOM)
         except PeakingError as error:
             return session.mark_failed(capture.id, str(error))
-        except Exception:  # whatever it is, the next capture must be served
+        except Exception as error:  # whatever it is, the next capture must be served
             _log.exception("making the MPI of capture %s failed", capture.id)
-            return session.mark_failed(
-                capture.id, "The MPI could not be generated. The server's log says why."
+            problem = (
+                f"The MPI could not be generated ({cause_of(error)}). The server's log has more."
             )
+            return session.mark_failed(capture.id, problem)
 
     def _ask_again(self, session: OpenSession, capture_id: str) -> None:
         """A view came into its place: those whose scale is a guess may be told it now."""
@@ -194,20 +218,21 @@ class GenerationQueue:
 
     def _improve(self, builder: ViewBuilder) -> None:
         while (item := self._better.get()) is not None:
-            session, capture_id = item
+            session, capture_id = item.session, item.capture_id
             capture = session.capture(capture_id)
             if capture.removed or capture.guessed or capture.generator == builder.options.generator:
                 continue
             try:
-                frame = session.frame_of(capture_id)
-                made = builder.build(frame, self._others(builder, session, capture, frame))
+                with _attempt(session, capture, "better"):
+                    frame = session.frame_of(capture_id)
+                    made = builder.build(frame, self._others(builder, session, capture, frame))
                 if made.metric:
                     self._on_done(session, _kept(session, capture, made))
             except PeakingError as error:
                 self._on_done(session, session.mark_not_better(capture_id, str(error)))
-            except Exception:  # the first MPI stays, and the next capture must be served
+            except Exception as error:  # the first MPI stays, and the next capture must be served
                 _log.exception("making a better MPI of capture %s failed", capture_id)
-                problem = "No better MPI could be generated. The server's log says why."
+                problem = f"No better MPI was made ({cause_of(error)}). The server's log has more."
                 self._on_done(session, session.mark_not_better(capture_id, problem))
 
     # Neighbours
@@ -232,6 +257,13 @@ class GenerationQueue:
             )
             for other in (around[number] for number in views_to_ask(cameras, frame.camera))
         ]
+
+
+def _attempt(
+    session: OpenSession, capture: wire.Capture, which: str
+) -> contextlib.AbstractContextManager[None]:
+    marker = session.folder / "mpi" / f".{capture.number:06d}.{which}.begun"
+    return counted_attempt(marker, session.photo_path(capture.id))
 
 
 def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wire.Capture:

@@ -14,6 +14,7 @@ import contextlib
 import logging
 import os
 import threading
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -38,6 +39,7 @@ from peaking.server.dataset import (
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.recovery import recovered_captures
 from peaking.server.session_log import SessionLog
+from peaking.server.told import without_paths
 from peaking.server.upload import Upload, camera_of_wire
 
 TRANSFORMS = "transforms.json"
@@ -245,6 +247,32 @@ class OpenSession:
             return None
         return data if is_sound(data) else None
 
+    def kept_thumbnail(self, capture_id: str) -> bytes | None:
+        """Return a capture's thumbnail; None where there is none yet, or it is damaged.
+
+        Raises:
+            UnknownCapture: The capture is not here, or was undone.
+        """
+        number = self.shown_capture(capture_id).number
+        for path in (self.folder / "mpi").glob(f"{number:06d}.thumbnail.*.jpg"):
+            with contextlib.suppress(OSError):
+                data = path.read_bytes()
+                if path.name == _thumbnail_name(number, data):
+                    return data
+        return None
+
+    def keep_thumbnail(self, capture_id: str, data: bytes) -> None:
+        """Keep a capture's thumbnail, unless the disk is full or the capture gone meanwhile."""
+        with self._lock:
+            capture = self.capture(capture_id)
+            if self._erased or self.deleted_s is not None or _is_lost(capture):
+                return
+            for damaged in (self.folder / "mpi").glob(f"{capture.number:06d}.thumbnail.*"):
+                damaged.unlink(missing_ok=True)
+            path = self.folder / "mpi" / _thumbnail_name(capture.number, data)
+            with contextlib.suppress(DiskFull), room_explained():
+                write_atomically(path, data)
+
     def dataset_files(self) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone or set aside.
 
@@ -385,7 +413,7 @@ class OpenSession:
         """
         with self._lock, room_explained():
             gone = self._erased or self.deleted_s is not None
-            if gone or self.capture(capture_id).ending == "erased":
+            if gone or _is_lost(self.capture(capture_id)):
                 return self.mark_failed(capture_id, ERASED if self._erased else DELETED)
             version = self.capture(capture_id).mpi_version + 1
             write_atomically(self.mpi_path(capture_id, version), mpi)
@@ -411,10 +439,11 @@ class OpenSession:
 
     def mark_not_better(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why no better MPI was made; the one that is there stays."""
-        return self._change(capture_id, problem=problem)
+        return self._change(capture_id, problem=without_paths(problem, self.folder))
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why there is no MPI of a capture; it is tried again after a restart."""
+        problem = without_paths(problem, self.folder)
         return self._change(capture_id, state="failed", problem=problem)
 
     def rename(self, name: str) -> None:
@@ -721,6 +750,15 @@ def _why_not_restorable(capture: wire.Capture) -> str:
             return "This photo was set aside long ago, and deleted to make room."
         case _:
             return "This photo was undone and the session finished since then: it is deleted."
+
+
+def _is_lost(capture: wire.Capture) -> bool:
+    """Return whether the files of a capture are deleted, and must not be made again."""
+    return capture.removed and not capture.restorable
+
+
+def _thumbnail_name(number: int, data: bytes) -> str:
+    return f"{number:06d}.thumbnail.{zlib.crc32(data):08x}.jpg"
 
 
 def _size(path: Path) -> int:

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import msgspec
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.types import Scope
 
 from peaking.server import wire
@@ -59,6 +59,12 @@ def device_of(request: Request) -> str:
     return request.client.host if request.client is not None else ""
 
 
+def declared_bytes(request: Request) -> int:
+    """Return how long a body says it is; 0 when it does not say so."""
+    declared = request.headers.get("content-length", "0")
+    return int(declared) if declared.isdecimal() else 0
+
+
 def id_in_path(request: Request, name: str) -> str:
     """Return an id of the path.
 
@@ -93,16 +99,18 @@ async def read_body(request: Request, max_bytes: int) -> bytes:
     """
     if PAIRED not in request.scope:
         max_bytes = min(max_bytes, MAX_STRANGER_BYTES)
-    declared = request.headers.get("content-length", "0")
     parts: list[bytes] = []
-    size = int(declared) if declared.isdigit() else 0
+    size = declared_bytes(request)
     if size <= max_bytes:
         size = 0
-        async for part in request.stream():
-            size += len(part)
-            if size > max_bytes:
-                break
-            parts.append(part)
+        try:
+            async for part in request.stream():
+                size += len(part)
+                if size > max_bytes:
+                    break
+                parts.append(part)
+        except ClientDisconnect:
+            raise BadUpload("The request ended before its body did.", status=400) from None
     if size > max_bytes:
         raise BadUpload(
             f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"

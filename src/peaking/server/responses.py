@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import AsyncIterable, Mapping
 from http import HTTPStatus
 from typing import Literal
 from urllib.parse import quote
 
 import msgspec
+from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from peaking.server import wire
+from peaking.server.fair_room import Busy
 
 ProblemKind = Literal[
     "busy",
@@ -84,6 +87,20 @@ def attachment(name: str) -> Mapping[str, str]:
     return {
         "Content-Disposition": f"attachment; filename=\"{plain_name}\"; filename*=UTF-8''{exact}"
     }
+
+
+def while_it_lasts(request: Request, data: bytes, *, media_type: str) -> Response:
+    """Return what may be taken back: browsers ask each time whether it is still there."""
+    tag = f'"{len(data):x}-{zlib.crc32(data):08x}"'
+    headers = {"Cache-Control": "private, no-cache", "ETag": tag}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=media_type, headers=headers)
+
+
+def busy(error: Busy) -> Response:
+    """Return a refusal of something that is only to be sent again later."""
+    return problem(503, str(error), kind="busy", headers={"Retry-After": str(error.retry_after_s)})
 
 
 def event_stream(events: AsyncIterable[bytes]) -> Response:

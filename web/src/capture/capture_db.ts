@@ -12,7 +12,8 @@ import type { Camera, NewSession, SessionChange } from '../wire';
 /**
  * `waiting`: to be sent. `failed`: the server refused it; the photo stays here. `stored`: the
  * server has it on disk. `removing`: undone, the server must still be told. `removed`: undone, and
- * it has been told; remembered until the session is finished, in case an upload arrives there late.
+ * the server never had it; the photo stays until the session is finished, so that it can be brought
+ * back, and so does this mark, in case an upload arrives there late.
  */
 export type StoredState = 'waiting' | 'failed' | 'stored' | 'removing' | 'removed';
 
@@ -176,25 +177,38 @@ export class CaptureDb {
       const undone = capture.state === 'removing' || capture.state === 'removed';
       return { ...capture, state: undone ? 'removing' : 'stored', problem: null };
     });
-    await this.#dropPhoto(id, true);
+    await this.#dropPhoto(id);
   }
 
   /**
-   * Undo. One that was never begun to be sent is gone at once; of any other a mark stays, so that
-   * the server will be told. `known` serves for a capture that only the server has.
+   * Undo. The server is told of any but those that were never begun to be sent. `known` serves for a
+   * capture that only the server has.
    */
   async remove(id: string, known: Omit<StoredCapture, 'order' | 'state'> | null): Promise<void> {
     const changed = await this.changeCapture(id, (capture) =>
       ({ ...capture, state: capture.attempts === 0 ? 'removed' : 'removing' }));
     if (changed === null && known !== null) await this.#addMark({ ...known, state: 'removing' });
-    if (changed?.state === 'removed') await this.#dropPhoto(id, false);
     await this.forgetMpi(id);
   }
 
-  /** The server was told of the undo. */
+  /** Take an undo back that the server was not told of. */
+  async restore(id: string): Promise<void> {
+    const hasPhoto = (await this.photo(id))?.jpeg != null;
+    await this.changeCapture(id, (capture) => capture.state === 'removing' || capture.state === 'removed'
+      ? { ...capture, state: hasPhoto ? 'waiting' : 'stored' } : null);
+  }
+
+  /** The server was told of the undo, and never had the capture. */
   async confirmRemoval(id: string): Promise<void> {
-    await this.changeCapture(id, (capture) => ({ ...capture, state: 'removed' }));
-    await this.#dropPhoto(id, false);
+    await this.changeCapture(id, (capture) =>
+      capture.state === 'removing' ? { ...capture, state: 'removed' } : null);
+  }
+
+  /** The server has the capture among those that were undone: nothing of it is needed here. */
+  async forgetUndone(id: string): Promise<void> {
+    const undone = await this.changeCapture(id, (capture) =>
+      capture.state === 'removing' ? { ...capture, state: 'removed' } : null);
+    if (undone !== null) await this.#forgetCapture(id);
   }
 
   async session(id: string): Promise<StoredSession | null> {
@@ -236,15 +250,18 @@ export class CaptureDb {
     for (const { id, state } of await this.captures(sessionId)) {
       await this.forgetMpi(id);
       if (state !== 'stored' && state !== 'removed') { kept += 1; continue; }
-      this.#captures.delete(id);
-      this.#photos.delete(id);
-      await this.disk?.delete('captures', id);
-      await this.disk?.delete('photos', id);
+      await this.#forgetCapture(id);
     }
     await this.#forgetMpis((mpi) => mpi.sessionId === sessionId);
     if (kept > 0) return;
-    this.#sessions.delete(sessionId);
-    await this.disk?.delete('sessions', sessionId);
+    await this.#forgetSession(sessionId);
+  }
+
+  /** A session was erased, by right: all that this device holds of it goes, photos too. */
+  async eraseSession(sessionId: string): Promise<void> {
+    for (const { id } of await this.captures(sessionId)) await this.#forgetCapture(id);
+    await this.#forgetMpis((mpi) => mpi.sessionId === sessionId);
+    await this.#forgetSession(sessionId);
   }
 
   async mpi(id: string, version: number): Promise<ArrayBuffer | null> {
@@ -265,6 +282,18 @@ export class CaptureDb {
 
   async forgetMpi(id: string): Promise<void> {
     await this.disk?.delete('mpis', id);
+  }
+
+  async #forgetCapture(id: string): Promise<void> {
+    this.#captures.delete(id);
+    this.#photos.delete(id);
+    await this.disk?.delete('captures', id);
+    await this.disk?.delete('photos', id);
+  }
+
+  async #forgetSession(id: string): Promise<void> {
+    this.#sessions.delete(id);
+    await this.disk?.delete('sessions', id);
   }
 
   async #write(
@@ -312,18 +341,13 @@ export class CaptureDb {
     }
   }
 
-  async #dropPhoto(id: string, keepThumbnail: boolean): Promise<void> {
+  /** All but its thumbnail. */
+  async #dropPhoto(id: string): Promise<void> {
     const photo = await this.photo(id);
     if (photo === null) return;
     const rest = { ...photo, jpeg: null, depth: null };
-    if (this.#photos.has(id)) {
-      if (keepThumbnail) this.#photos.set(id, rest);
-      else this.#photos.delete(id);
-    } else if (keepThumbnail) {
-      await this.disk?.put('photos', rest);
-    } else {
-      await this.disk?.delete('photos', id);
-    }
+    if (this.#photos.has(id)) this.#photos.set(id, rest);
+    else await this.disk?.put('photos', rest);
   }
 }
 

@@ -4,13 +4,13 @@
  */
 
 import { wireOfCamera } from '../geometry';
-import type { Api, ApiError } from '../server/api';
+import { ApiError, type Api } from '../server/api';
 import { sessionEvents, type Connection } from '../server/events';
 import type { Pacing } from '../server/pacing';
 import type { Capture, NewSession, PeakedSample } from '../wire';
 import { askToPersist, type CaptureDb } from './capture_db';
 import {
-  NOTHING_KNOWN, reduce, risenOf, viewsOf, type CaptureAction, type CapturedView,
+  NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf, type CaptureAction, type CapturedView,
   type CaptureState,
 } from './capture_state';
 import { PeakedReporter } from './peaked_reporter';
@@ -24,6 +24,8 @@ export interface SessionSnapshot {
   readonly id: string;
   readonly name: string;
   readonly views: readonly CapturedView[];
+  /** Undone or set aside, and can be brought back. */
+  readonly restorable: readonly CapturedView[];
   readonly connection: Connection;
   /** Why photos are not sent, or why the server's news do not come; null while all is well. */
   readonly trouble: string | null;
@@ -167,6 +169,22 @@ export class CaptureSession implements Disposable {
     this.#uploader.wake('work');
   }
 
+  /** Bring a view back that was undone or set aside; `trouble` says why where it cannot be done. */
+  async restore(id: string): Promise<void> {
+    await this.options.db.restore(id);
+    await this.#localsChanged();
+    if (this.#state.remotes.get(id)?.removed === true) {
+      try {
+        const capture = await this.options.api.restoreCapture(this.id, id);
+        this.#heard({ type: 'CaptureChanged', capture });
+      } catch (error) {
+        if (!(error instanceof ApiError)) throw error;
+        this.#apply({ type: 'Troubled', problem: error.problem });
+      }
+    }
+    this.#uploader.wake('work');
+  }
+
   /** Send a photo again that the server refused. */
   async retry(id: string): Promise<void> {
     await this.options.db.changeCapture(id, (capture) => capture.state === 'failed'
@@ -244,6 +262,7 @@ export class CaptureSession implements Disposable {
         this.#finished = 'yes';
         this.#publish();
       },
+      onErased: (id) => { if (id === this.id) this.#erased(); },
     };
   }
 
@@ -253,6 +272,15 @@ export class CaptureSession implements Disposable {
     if (connection === 'online') this.#uploader.wake('online');
     // A server that does not know the session lost it, or was not told of it yet.
     if (refusal?.status === 404) void this.#beginAgain();
+    if (refusal?.kind === 'erased') {
+      void this.options.db.eraseSession(this.id).then(() => this.#erased());
+    }
+  }
+
+  #erased(): void {
+    this.#finished = 'yes';
+    settingsOf(this.options)?.removeItem(CURRENT_SESSION);
+    this.#apply({ type: 'Erased' });
   }
 
   async #beginAgain(): Promise<void> {
@@ -318,11 +346,13 @@ export class CaptureSession implements Disposable {
 
   #makeSnapshot(): SessionSnapshot {
     const { api, db, name } = this.options;
+    const thumbnailUrlOf = (id: string): string =>
+      this.#thumbnails.get(id) ?? api.thumbnailUrl(this.id, id);
     return {
       id: this.id,
       name: this.#pendingName ?? this.#state.summary?.name ?? name,
-      views: viewsOf(this.#state,
-        (id) => this.#thumbnails.get(id) ?? api.thumbnailUrl(this.id, id)),
+      views: viewsOf(this.#state, thumbnailUrlOf),
+      restorable: restorableOf(this.#state, thumbnailUrlOf),
       connection: this.#state.connection,
       trouble: this.#state.trouble ?? this.#refusal,
       storageProblem: db.problem,
@@ -333,7 +363,8 @@ export class CaptureSession implements Disposable {
 
   /** Pictures of views that are no longer listed. */
   #dropThumbnails(): void {
-    const shown = new Set(this.#snapshot.views.map(({ id }) => id));
+    const { views, restorable } = this.#snapshot;
+    const shown = new Set([...views, ...restorable].map(({ id }) => id));
     for (const [id, url] of this.#thumbnails) {
       if (shown.has(id)) continue;
       URL.revokeObjectURL(url);

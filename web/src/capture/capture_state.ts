@@ -50,6 +50,7 @@ export type CaptureAction = SessionEvent
   | { readonly type: 'LocalsRead'; readonly locals: readonly StoredCapture[] }
   | { readonly type: 'Answered'; readonly capture: Capture }
   | { readonly type: 'Uploading'; readonly id: string | null }
+  | { readonly type: 'Erased' }
   | { readonly type: 'Troubled'; readonly problem: string | null }
   | { readonly type: 'ConnectionChanged'; readonly connection: Connection };
 
@@ -76,6 +77,7 @@ export function reduce(state: CaptureState, action: CaptureAction): CaptureState
     case 'SessionChanged': return { ...state, summary: action.summary };
     case 'LocalsRead': return { ...state, locals: byId(action.locals) };
     case 'Answered': return answered(state, action.capture);
+    case 'Erased': return { ...state, locals: new Map(), remotes: new Map() };
     case 'Uploading': return { ...state, uploadingId: action.id };
     case 'Troubled': return { ...state, trouble: action.problem };
     case 'ConnectionChanged': return { ...state, connection: action.connection };
@@ -87,12 +89,28 @@ export function reduce(state: CaptureState, action: CaptureAction): CaptureState
 export function viewsOf(
   state: CaptureState, thumbnailUrlOf: (id: string) => string,
 ): readonly CapturedView[] {
+  return listOf(state, thumbnailUrlOf, (local, remote) =>
+    remote?.removed !== true && !isUndone(local));
+}
+
+/** Those that were undone or set aside and can be brought back. */
+export function restorableOf(
+  state: CaptureState, thumbnailUrlOf: (id: string) => string,
+): readonly CapturedView[] {
+  return listOf(state, thumbnailUrlOf, (local, remote) => remote?.removed === true
+    ? remote.restorable === true : isUndone(local));
+}
+
+function listOf(
+  state: CaptureState, thumbnailUrlOf: (id: string) => string,
+  isListed: (local: StoredCapture | undefined, remote: Capture | undefined) => boolean,
+): readonly CapturedView[] {
   const ids = new Set([...state.locals.keys(), ...state.remotes.keys()]);
   const views: CapturedView[] = [];
   for (const id of ids) {
     const local = state.locals.get(id);
     const remote = state.remotes.get(id);
-    if (remote?.removed === true || isUndone(local)) continue;
+    if (!isListed(local, remote)) continue;
     const known = remote ?? local;
     if (known === undefined) continue;
     const { camera, time_s } = known;

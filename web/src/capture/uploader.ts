@@ -23,6 +23,8 @@ export interface UploaderListener {
   onTrouble(problem: string | null): void;
   /** The server has the end of this session, and all its photos. */
   onFinished(sessionId: string): void;
+  /** The session was erased on the server: this device holds nothing of it any more. */
+  onErased(sessionId: string): void;
 }
 
 export interface UploaderOptions {
@@ -151,7 +153,7 @@ export class Uploader {
         await this.#tell(changed);
       }
     } catch (error) {
-      return await this.#failed(error, toBegin === undefined ? next : null)
+      return await this.#failed(error, toBegin === undefined ? next : null, toBegin?.id)
         .catch((fault: unknown) => this.#fault(fault));
     } finally {
       this.listener.onLocalChange();
@@ -206,8 +208,9 @@ export class Uploader {
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
       // It never arrived there. If it still does, the mark that stays makes the session undo it.
+      return this.db.confirmRemoval(id);
     }
-    await this.db.confirmRemoval(id);
+    await this.db.forgetUndone(id);
   }
 
   async #tell({ id, pending }: StoredSession): Promise<void> {
@@ -233,9 +236,14 @@ export class Uploader {
       now.state === 'waiting' ? { ...now, state: 'failed', problem } : null);
   }
 
-  async #failed(error: unknown, capture: StoredCapture | null): Promise<Outcome> {
+  /** @param toBegin The session that could not be begun, if it was that. */
+  async #failed(
+    error: unknown, capture: StoredCapture | null, toBegin?: string,
+  ): Promise<Outcome> {
     if (this.#end.signal.aborted) return DONE;
     if (!(error instanceof ApiError)) return this.#fault(error);
+    const sessionId = capture?.sessionId ?? toBegin;
+    if (isClosed(error) && sessionId !== undefined) return this.#closed(sessionId, error);
     if (isRefusal(error) && capture !== null) {
       if (error.status === 404 && !this.#begunAgain.has(capture.sessionId)) {
         this.#begunAgain.add(capture.sessionId);
@@ -258,6 +266,23 @@ export class Uploader {
     }
   }
 
+  /** The session takes nothing any more: the photos stay here, unless it was erased by right. */
+  async #closed(sessionId: string, error: ApiError): Promise<Outcome> {
+    if (error.kind === 'erased') {
+      await this.db.eraseSession(sessionId);
+      this.listener.onErased(sessionId);
+      return DONE;
+    }
+    const captures = await this.db.captures(sessionId);
+    for (const { id, state } of captures) {
+      if (state === 'removing') await this.db.confirmRemoval(id);
+      else await this.#refuse(id, error.problem);
+    }
+    if (captures.some(({ state }) => state === 'removing' || state === 'waiting')) return DONE;
+    this.listener.onTrouble(error.problem);
+    return this.#retry(SLOW_MS, false);
+  }
+
   /** The database, or a fault of ours: said, and tried again; the photo is where it was. */
   #fault(error: unknown): Outcome {
     this.listener.onTrouble(`Upload failed: ${String(error)}`);
@@ -278,6 +303,11 @@ export class Uploader {
 /** Whether sending the same again would get the same answer. */
 function isRefusal({ status }: ApiError): boolean {
   return status >= 400 && status < 500 && ![401, 408, 425, 429].includes(status);
+}
+
+/** Whether nothing of this session will be taken, whatever is sent. */
+function isClosed({ status, kind }: ApiError): boolean {
+  return status === 410 || kind === 'not-admitted';
 }
 
 function sameChange(a: object, b: object): boolean {

@@ -7,8 +7,9 @@ import { integer, list, parseJson, parseKept, record, SchemaError, type Schema }
 import {
   captureSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
   problemSchema, PROTOCOL, recordingIndexSchema, serverInfoSchema, sessionSchema,
-  sessionSummarySchema, type Capture, type NewSession, type Paired, type PairedDevices,
-  type Pairing, type PairingLink, type PeakedSample, type PeakedSamples, type RecordingIndex, type ServerInfo, type Session,
+  sessionSummarySchema, type Capture, type CaptureChange, type NewSession, type Paired,
+  type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
+  type RecordingIndex, type ServerInfo, type Session,
   type SessionChange, type SessionSummary,
 } from '../wire';
 import { thisDevice, type ThisDevice } from './this_device';
@@ -25,6 +26,8 @@ export class ApiError extends Error {
     readonly retryAfter_s: number | null = null,
     /** The answer's text when it was 422: for those who know more of its fields. */
     readonly body = '',
+    /** The problem's type, without `urn:peaking:problem:`; '' where the status says it all. */
+    readonly kind = '',
   ) {
     super(problem);
   }
@@ -180,6 +183,17 @@ export class Api {
   /** Undo. May be repeated. @throws ApiError 404 when the server never had it. */
   async removeCapture(sessionId: string, captureId: string): Promise<Capture> {
     return this.#capture('DELETE', sessionId, captureId, {});
+  }
+
+  /** Bring back what was undone or set aside. May be repeated. @throws ApiError 409 if it is gone. */
+  async restoreCapture(sessionId: string, captureId: string): Promise<Capture> {
+    const json: CaptureChange = { ending: null };
+    return this.#capture('PATCH', sessionId, captureId, { json });
+  }
+
+  /** Erase a session for ever. May be repeated. */
+  async eraseSession(sessionId: string): Promise<void> {
+    await this.#ask('DELETE', sessionPath(sessionId), {});
   }
 
   /** Versions count from 1, and none ever changes. @throws ApiError 404 when it is not made yet. */
@@ -361,15 +375,11 @@ async function read<T>(promise: Promise<T>): Promise<T> {
 async function refusal(response: Response): Promise<ApiError> {
   const text = await response.text().catch(() => '');
   const retryAfter_s = Number.parseFloat(response.headers.get('Retry-After') ?? '');
-  return new ApiError(response.status, detailIn(text) ?? sentenceOf(response.status),
+  // Null where something else than this server refused.
+  const problem = parseKept(problemSchema, text);
+  return new ApiError(response.status, problem?.detail || sentenceOf(response.status),
     Number.isFinite(retryAfter_s) ? Math.max(0, retryAfter_s) : null,
-    response.status === 422 ? text : '');
-}
-
-/** Null where something else than this server refused. */
-function detailIn(text: string): string | null {
-  const detail = parseKept(problemSchema, text)?.detail ?? '';
-  return detail === '' ? null : detail;
+    response.status === 422 ? text : '', problem?.type.replace(/^(urn:peaking:problem:|about:blank$)/, ''));
 }
 
 function sentenceOf(status: number): string {

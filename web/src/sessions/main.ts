@@ -1,6 +1,6 @@
 /** The dashboard: /sessions, and /sessions#ID for one of them. */
 
-import { Api } from '../server/api';
+import { Api, ApiError } from '../server/api';
 import { serverEvents, sessionEvents } from '../server/events';
 import { make } from '../ui/dom';
 import { PAPER_PERCENT, percent } from '../ui/share_graph';
@@ -13,7 +13,12 @@ const api = new Api();
 /** Samples come once a second; the charts need not be faster. */
 const CHARTS_EVERY_MS = 2000;
 
+/** So long a deleted session can be restored. */
+const RESTORABLE_DAYS = 30;
+const DAY_S = 24 * 3600;
+
 const summaries = new Map<string, SessionSummary>();
+let damaged: readonly string[] = [];
 let shown: { id: string; session: Session; samples: readonly PeakedSample[] } | null = null;
 let watching = new AbortController();
 
@@ -32,6 +37,7 @@ function heard(event: ServerEvent): void {
     case 'SessionList':
       summaries.clear();
       for (const summary of event.sessions) summaries.set(summary.id, summary);
+      damaged = event.problems ?? [];
       if (shown === null) void open(location.hash.slice(1) || (newest()[0]?.id ?? ''));
       break;
     case 'SessionChanged': summaries.set(event.summary.id, event.summary); break;
@@ -41,7 +47,7 @@ function heard(event: ServerEvent): void {
 }
 
 function newest(): SessionSummary[] {
-  return Array.from(summaries.values())
+  return Array.from(summaries.values()).filter((summary) => !isDeleted(summary))
     .sort((a, b) => Number(b.live) - Number(a.live) || b.created_s - a.created_s);
 }
 
@@ -56,7 +62,35 @@ function drawList(): void {
   });
   const empty = make('p', { className: 'quiet' }, 'No sessions yet. Open the capture page on a phone '
     + 'with the link that the server printed, or try the virtual phone.');
-  elementOf('list').replaceChildren(...(items.length > 0 ? items : [empty]));
+  elementOf('list').replaceChildren(...(items.length > 0 ? items : [empty]), ...deletedOnes(),
+    ...damaged.map((problem) => make('p', { className: 'quiet problem' }, problem)));
+}
+
+/** Sessions that were deleted: for some time they can be restored, or erased at once. */
+function deletedOnes(): HTMLElement[] {
+  const gone = Array.from(summaries.values()).filter(isDeleted);
+  if (gone.length === 0) return [];
+  const items = gone.map((summary) => {
+    const restore = button('Restore', () =>
+      void api.changeSession(summary.id, { deleted: false }).catch(failed));
+    const erase = button('Erase for good', () => {
+      if (!confirm(`Erase "${summary.name}" with all its photos, for good?`)) return;
+      void api.eraseSession(summary.id).then(() => {
+        summaries.delete(summary.id);
+        drawList();
+      }, failed);
+    });
+    const passed = Date.now() / 1000 - (summary.deleted_s ?? 0);
+    const days = Math.max(0, Math.ceil(RESTORABLE_DAYS - passed / DAY_S));
+    return make('div', { className: 'deleted' }, make('b', {}, summary.name),
+      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · erased in ${days} days`),
+      make('div', { className: 'row' }, restore, erase));
+  });
+  return [make('h2', { className: 'quiet' }, 'Deleted'), ...items];
+}
+
+function isDeleted({ deleted_s }: SessionSummary): boolean {
+  return deleted_s != null;
 }
 
 async function open(id: string): Promise<void> {
@@ -68,6 +102,10 @@ async function open(id: string): Promise<void> {
     onEvent: (event) => follow(id, event),
     onConnection: (_, refusal) => { if (refusal !== null) fail(refusal.problem); },
   }, watching.signal, { role: 'watch' });
+}
+
+function button(text: string, onclick: () => void): HTMLButtonElement {
+  return make('button', { type: 'button', onclick }, text);
 }
 
 function follow(id: string, event: SessionEvent): void {
@@ -85,6 +123,12 @@ function follow(id: string, event: SessionEvent): void {
     }
     case 'SessionChanged':
       if (shown === null) return;
+      if (isDeleted(event.summary)) {
+        watching.abort();
+        shown = null;
+        fail('The session was deleted. It can be restored from the list.');
+        return drawList();
+      }
       shown = { ...shown, session: { ...shown.session, summary: event.summary } };
       break;
     default: event satisfies never;
@@ -106,18 +150,24 @@ function drawDetail(): void {
   if (shown === null) return;
   const { id, session } = shown;
   const { summary, captures } = session;
-  const rename = make('button', { type: 'button' }, 'Rename');
-  rename.onclick = () => {
+  const rename = button('Rename', () => {
     const name = prompt('Session name', summary.name)?.trim();
-    if (name !== undefined && name !== '') void api.changeSession(id, { name });
-  };
-  const photos = captures.map((capture) => make('a', {
-    className: capture.removed === true ? 'removed' : capture.state,
+    if (name !== undefined && name !== '') void api.changeSession(id, { name }).catch(failed);
+  });
+  const remove = button('Delete', () => {
+    const question = `Delete "${summary.name}"? You can restore it for ${RESTORABLE_DAYS} days.`;
+    if (confirm(question)) void api.changeSession(id, { deleted: true }).catch(failed);
+  });
+  const photos = captures.filter(({ removed }) => removed !== true).map((capture) => make('a', {
+    className: capture.state,
     href: api.photoUrl(id, capture.id),
     target: '_blank',
-    title: capture.problem ?? (capture.removed === true ? 'undone' : capture.state),
+    title: capture.problem ?? capture.state,
   }, make('img', { src: api.thumbnailUrl(id, capture.id), alt: `View ${capture.number}`, loading: 'lazy' }),
   make('span', {}, String(capture.number))));
+  const undone = captures.filter(({ restorable }) => restorable === true).map((capture) =>
+    button(`Bring back view ${capture.number}`, () =>
+      void api.restoreCapture(id, capture.id).catch(failed)));
   elementOf('detail').replaceChildren(
     make('h1', {}, summary.name),
     make('div', { className: 'quiet' }, `${viewsText(summary.captures)}, ${summary.ready} ready`
@@ -126,12 +176,16 @@ function drawDetail(): void {
       make('a', { className: 'button primary', href: api.datasetUrl(id), download: '' },
         'Download the data set'),
       make('a', { className: 'button', href: `./?source=${summary.source === 'other' ? 'virtual'
-        : summary.source}&session=${id}` }, 'Continue capturing'), rename),
+        : summary.source}&session=${id}` }, 'Continue capturing'), rename, remove),
+    ...(summary.damaged ? [make('p', { className: 'quiet problem' }, `${summary.damaged} records of this `
+      + 'session are damaged on the disk and were left out. The server names them when it starts.')] : []),
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'Seen from above'), make('div', { id: 'above' })),
       make('div', { className: 'card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
         make('div', { id: 'shares' }))),
     make('div', { className: 'photos' }, ...photos),
+    ...(undone.length > 0 ? [make('h2', { className: 'quiet' }, 'Taken back'),
+      make('div', { className: 'row undone' }, ...undone)] : []),
   );
   drawCharts();
 }
@@ -146,6 +200,10 @@ function drawCharts(): void {
   // Only numbers go into these pictures, so they are safe as markup.
   elementOf('above').innerHTML = drawTopView(topViewOf(session.captures, samples));
   elementOf('shares').innerHTML = drawShares(samples, session.captures);
+}
+
+function failed(error: unknown): void {
+  fail(error instanceof ApiError ? error.problem : String(error));
 }
 
 function fail(problem: string): void {

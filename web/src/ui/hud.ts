@@ -25,6 +25,8 @@ export interface HudState {
   readonly look: Look;
   readonly peakedShare: number | null;
   readonly views: readonly CapturedView[];
+  /** Undone, and can be brought back. */
+  readonly restorable: readonly CapturedView[];
   /** A sentence about what hinders, or null. */
   readonly notice: string | null;
   readonly canShoot: boolean;
@@ -69,6 +71,7 @@ export class Hud {
   #sheet: Sheet | null = null;
   #state: HudState | null = null;
   #shownViews: readonly CapturedView[] = [];
+  #shownRestorable: readonly CapturedView[] = [];
   #shownLook: Look | null = null;
   #numberAt_ms = -Infinity;
 
@@ -121,7 +124,9 @@ export class Hud {
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
     if (state.look !== this.#shownLook) this.#showLook(state.look);
     this.#follow(this.rules);
-    if (state.views !== this.#shownViews) this.#showViews(state.views);
+    if (state.views !== this.#shownViews || state.restorable !== this.#shownRestorable) {
+      this.#showViews(state.views, state.restorable);
+    }
     this.#showCoach(state);
     this.#showPlayer();
   }
@@ -159,8 +164,9 @@ export class Hud {
     for (const [overlay, each] of this.#looks) each.ariaPressed = String(overlay === look.overlay);
   }
 
-  #showViews(views: readonly CapturedView[]): void {
+  #showViews(views: readonly CapturedView[], restorable: readonly CapturedView[]): void {
     this.#shownViews = views;
+    this.#shownRestorable = restorable;
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, viewsText(views.length));
@@ -172,7 +178,7 @@ export class Hud {
       return thumb;
     }));
     this.#strip.scrollLeft = this.#strip.scrollWidth;
-    this.#sheet?.update?.(views);
+    this.#sheet?.update?.(views, restorable);
   }
 
   #showCoach(state: HudState): void {
@@ -212,10 +218,13 @@ export class Hud {
     if (which === 'finish' && this.rules.finish !== null) return this.rules.finish();
     const close = (): void => this.#close();
     switch (which) {
-      case 'views': this.#sheet = viewsSheet(state.views, this.#actions, close); break;
+      case 'views': 
+        this.#sheet = viewsSheet(state.views, state.restorable, this.#actions, close);
+        break;
       case 'settings': this.#sheet = settingsSheet(state.look, this.#actions, close); break;
       case 'finish':
-        this.#sheet = finishSheet(state.sessionName, state.views, this.#actions, close);
+        this.#sheet = finishSheet(
+          state.sessionName, state.views, state.restorable, this.#actions, close);
         break;
       default: which satisfies never;
     }

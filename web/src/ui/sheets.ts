@@ -8,6 +8,7 @@ import { viewsText } from './words';
 /** What the sheets ask of the page. */
 export interface SheetActions {
   undo(id: string): void;
+  restore(id: string): void;
   retry(id: string): void;
   setLook(look: Look): void;
   finish(name: string): void;
@@ -18,7 +19,7 @@ export interface SheetActions {
 export interface Sheet {
   readonly element: HTMLElement;
   /** Called when views change while it is open. */
-  readonly update?: (views: readonly CapturedView[]) => void;
+  readonly update?: (views: readonly CapturedView[], restorable: readonly CapturedView[]) => void;
 }
 
 export const VIEW_STATES: Readonly<Record<CapturedView['state'], string>> = {
@@ -37,16 +38,21 @@ function sheet(title: string, close: () => void, ...content: Node[]): HTMLElemen
 }
 
 export function viewsSheet(
-  views: readonly CapturedView[], actions: SheetActions, close: () => void,
+  views: readonly CapturedView[], restorable: readonly CapturedView[], actions: SheetActions,
+  close: () => void,
 ): Sheet {
   const list = make('ul');
-  const update = (now: readonly CapturedView[]): void => {
-    const items = now.map((view, i) => viewItem(view, i, i === now.length - 1, actions));
+  const undone = make('ul', { className: 'undone' });
+  const undoneTitle = make('h3', {}, 'Undone, until you finish');
+  const update = (now: readonly CapturedView[], gone: readonly CapturedView[]): void => {
+    const items = now.map((view, i) => viewItem(view, i, actions));
     list.replaceChildren(...items.reverse());
     if (now.length === 0) list.replaceChildren(make('li', {}, 'No views yet.'));
+    undoneTitle.hidden = gone.length === 0;
+    undone.replaceChildren(...gone.map((view) => undoneItem(view, actions)).reverse());
   };
-  update(views);
-  return { element: sheet('Views', close, list), update };
+  update(views, restorable);
+  return { element: sheet('Views', close, list, undoneTitle, undone), update };
 }
 
 /** What is to be known of a view: its problem, or its state and the generator of its MPI. */
@@ -59,14 +65,17 @@ export function viewNote(view: Pick<CapturedView, 'state' | 'problem' | 'generat
   return notes.join(' · ');
 }
 
-function viewItem(
-  view: CapturedView, index: number, isLast: boolean, actions: SheetActions,
-): HTMLElement {
-  const undo = (): void => {
-    if (isLast || confirm(`Undo view ${index + 1}? The server keeps its photo in the folder "removed".`)) {
-      actions.undo(view.id);
-    }
-  };
+/** Its picture is on this device only while it was never sent: the server shows it to nobody. */
+function undoneItem(view: CapturedView, actions: SheetActions): HTMLElement {
+  const name = view.number === null ? 'View' : `View ${view.number}`;
+  const time = new Date(view.time_s * 1000).toLocaleTimeString([], { timeStyle: 'short' });
+  return make('li', {},
+    ...(view.thumbnailUrl.startsWith('blob:') ? [make('img', { src: view.thumbnailUrl, alt: '' })] : []),
+    make('div', {}, name, make('small', {}, `taken at ${time}`)),
+    button('pill', 'Bring back', `Bring back ${name.toLowerCase()}`, () => actions.restore(view.id)));
+}
+
+function viewItem(view: CapturedView, index: number, actions: SheetActions): HTMLElement {
   return make('li', {},
     make('img', { src: view.thumbnailUrl, alt: '' }),
     make('div', {}, `View ${index + 1}`,
@@ -74,7 +83,7 @@ function viewItem(
     ...(view.state === 'failed' && !view.onServer
       ? [button('pill', 'Try again', `Send view ${index + 1} again`, () => actions.retry(view.id))]
       : []),
-    button('pill', 'Undo', `Undo view ${index + 1}`, undo));
+    button('pill', 'Undo', `Undo view ${index + 1}`, () => actions.undo(view.id)));
 }
 
 export function settingsSheet(look: Look, actions: SheetActions, close: () => void): Sheet {
@@ -114,13 +123,18 @@ function slider(
 }
 
 export function finishSheet(
-  name: string, views: readonly CapturedView[], actions: SheetActions, close: () => void,
+  name: string, views: readonly CapturedView[], restorable: readonly CapturedView[],
+  actions: SheetActions, close: () => void,
 ): Sheet {
   const input = make('input', { type: 'text', value: name, maxLength: 80 });
   const state = make('p');
   const download = make('a', { className: 'primary', href: actions.datasetUrl, download: '' },
     'Download the data set (zip)');
-  const update = (now: readonly CapturedView[]): void => {
+  const undone = make('p', { className: 'quiet' });
+  const update = (now: readonly CapturedView[], gone: readonly CapturedView[]): void => {
+    undone.hidden = gone.length === 0;
+    undone.textContent = `Finishing deletes the ${gone.length === 1 ? 'view' : `${gone.length} views`} that `
+      + 'you undid. You can still bring them back in the list of views.';
     const onServer = now.filter((view) => view.onServer).length;
     state.textContent = onServer === now.length
       ? `${viewsText(now.length)}, saved on the server.`
@@ -128,14 +142,14 @@ export function finishSheet(
         + 'device and is uploaded as soon as there is a connection.';
     download.hidden = onServer === 0;
   };
-  update(views);
+  update(views, restorable);
   const finish = (): void => {
     actions.finish(input.value.trim() || name);
     close();
   };
   download.onclick = () => actions.finish(input.value.trim() || name);
   return {
-    element: sheet('Finish', close, state, make('label', {}, 'Session name', input),
+    element: sheet('Finish', close, state, undone, make('label', {}, 'Session name', input),
       download,
       make('button', { className: 'secondary', type: 'button', onclick: finish },
         'Finish without downloading'),

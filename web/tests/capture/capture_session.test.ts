@@ -225,11 +225,58 @@ describe('undo', () => {
     const id = await session.shutter(photo(1));
     await session.undo(id);
     expect(session.views).toEqual([]);
-    expect(await session.photo(id)).toBeNull();
     server.start();
     await clock.until(() => session.snapshot.connection === 'online');
     await settle();
     expect(server.log.filter((what) => what.includes(id))).toEqual([]);
+    expect(await session.photo(id)).not.toBeNull(); // until the session is finished
+    await session.finish();
+    await clock.until(async () => await session.photo(id) === null);
+  });
+
+  test('is taken back: of one that was never sent', async () => {
+    server.stop();
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await session.undo(id);
+    expect(session.snapshot.restorable.map((view) => view.id)).toEqual([id]);
+    await session.restore(id);
+    expect(session.snapshot.restorable).toEqual([]);
+    server.start();
+    await clock.until(allQueued(session, 1));
+    expect(server.alive()).toEqual([id]);
+  });
+
+  test('is taken back: of one that the server has, also by another phone', async () => {
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    await session.undo(id);
+    await clock.until(() => server.alive().length === 0);
+    await clock.until(() => session.snapshot.restorable.length === 1);
+    await session.restore(id);
+    await clock.until(allQueued(session, 1));
+    await session.undo(id);
+    await clock.until(() => server.alive().length === 0);
+    const other = new ModelBrowser(server, clock);
+    const second = await other.open({ sessionId: session.id });
+    await clock.until(() => second.snapshot.restorable.length === 1);
+    await second.restore(id);
+    await clock.until(() => session.views.length === 1 && second.views.length === 1);
+    await settle();
+    expect(server.alive()).toEqual([id]);
+    other.close();
+  });
+
+  test('is not taken back without the server: it is said', async () => {
+    const session = await browser.open();
+    const id = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    await session.undo(id);
+    await clock.until(() => session.snapshot.restorable.length === 1 && server.alive().length === 0);
+    server.fault = (what) => what === `PATCH ${id}` ? 409 : null;
+    await session.restore(id);
+    expect(session.views).toEqual([]);
   });
 
   test('while it is on its way', async () => {
@@ -308,7 +355,7 @@ describe('undo', () => {
     const id = await session.shutter(photo(1));
     await clock.until(() => states(session)[0] === 'failed');
     await session.undo(id);
-    await clock.until(async () => await session.photo(id) === null);
+    await clock.until(() => server.log.includes(`DELETE ${id}`));
     expect(session.views).toEqual([]);
   });
 
@@ -325,6 +372,39 @@ describe('undo', () => {
     server.start();
     await clock.until(() => server.alive().length === 0);
     other.close();
+  });
+});
+
+describe('a session that takes nothing any more', () => {
+  test('was erased: this device keeps nothing of it and begins nothing', async () => {
+    const session = await browser.open();
+    const first = await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    server.stop();
+    const second = await session.shutter(photo(2));
+    server.sessions.delete(session.id);
+    server.gone.set(session.id, 'erased');
+    server.start();
+    await clock.until(async () => await session.photo(second) === null);
+    await settle();
+    expect(session.views).toEqual([]);
+    expect(server.sessions.size).toBe(0);
+    const db = await CaptureDb.open(browser.name);
+    expect([await db.captures(), await db.sessions()]).toEqual([[], []]);
+    expect([await db.photo(first), await db.photo(second)]).toEqual([null, null]);
+    db.close();
+  });
+
+  test('was deleted: photos stay here, and others are sent', async () => {
+    const session = await browser.open();
+    server.gone.set(session.id, 'deleted');
+    const id = await session.shutter(photo(1));
+    await clock.until(() => states(session)[0] === 'failed');
+    expect(session.views[0]?.problem).toBe('it was deleted');
+    expect(await session.photo(id)).not.toBeNull();
+    server.gone.clear();
+    await session.retry(id);
+    await clock.until(allQueued(session, 1));
   });
 });
 

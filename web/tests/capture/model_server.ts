@@ -27,6 +27,8 @@ interface Held { request: NewSession; captures: Capture[]; finished: boolean; na
 
 export class ModelServer {
   readonly sessions = new Map<string, Held>();
+  /** Sessions that take nothing any more, and how that came about. */
+  readonly gone = new Map<string, 'deleted' | 'erased'>();
   /** How often each capture's bytes were written. */
   readonly writes = new Map<string, number>();
   readonly log: string[] = [];
@@ -91,6 +93,8 @@ export class ModelServer {
 
   async #answer(method: string, path: string, init: RequestInit): Promise<Response> {
     const [, , id = '', part, captureId = '', leaf] = path.split('/');
+    const gone = this.gone.get(id);
+    if (gone !== undefined) return problem(410, `it was ${gone}`, {}, `urn:peaking:problem:${gone}`);
     if (part === undefined && method === 'PUT') {
       const request = JSON.parse(String(init.body)) as NewSession;
       if (request.protocol !== PROTOCOL) return problem(400, 'another protocol');
@@ -111,8 +115,10 @@ export class ModelServer {
     const at = held.captures.findIndex((capture) => capture.id === captureId);
     if (method === 'PUT') return this.#store(id, held, at, captureId, init.body as Blob);
     const capture = held.captures[at];
-    if (method !== 'DELETE' || capture === undefined) return problem(404, 'no such capture');
-    held.captures[at] = { ...capture, removed: true };
+    if (capture === undefined) return problem(404, 'no such capture');
+    held.captures[at] = method === 'DELETE'
+      ? { ...capture, removed: true, ending: 'undone', restorable: true }
+      : { ...capture, removed: false, ending: null, restorable: false };
     this.#tell(id, { type: 'CaptureChanged', capture: held.captures[at] });
     return json(held.captures[at], 200);
   }
@@ -180,8 +186,10 @@ function json(value: unknown, status: number): Response {
     { status, headers: { 'Content-Type': 'application/json' } });
 }
 
-export function problem(status: number, detail: string, headers: HeadersInit = {}): Response {
-  const described: Problem = { type: 'about:blank', title: 'Refused', status, detail };
+export function problem(
+  status: number, detail: string, headers: HeadersInit = {}, type = 'about:blank',
+): Response {
+  const described: Problem = { type, title: 'Refused', status, detail };
   return new Response(JSON.stringify(described),
     { status, headers: { 'Content-Type': 'application/problem+json', ...headers } });
 }

@@ -25,12 +25,14 @@ from peaking.server.auth import Guard
 from peaking.server.device_routes import pairing_link
 from peaking.server.devices import Devices
 from peaking.server.events import Hub
+from peaking.server.fair_room import Busy
 from peaking.server.open_session import SessionGone
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
 from peaking.server.pairing_codes import Grant
 from peaking.server.requests import id_in_path, read_json
 from peaking.server.responses import (
+    busy,
     event_stream,
     json_response,
     problem,
@@ -42,6 +44,7 @@ from peaking.server.study.open_participant import Incomplete, NotNow, OpenPartic
 from peaking.server.study.open_study import OpenStudy, UnknownParticipant
 from peaking.server.study.openapi import STUDY_OPERATIONS
 from peaking.server.study.shown import console_state, participant_state
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload
 from peaking.study.records import StepKey
 
@@ -281,6 +284,8 @@ def _refusals() -> dict[Any, Any]:
                 return problem(404, str(error))
             case SessionGone():
                 return problem(410, str(error), kind="erased" if error.final else "deleted")
+            case Busy():
+                return busy(error)
             case BadUpload():
                 return problem(error.status, str(error), kind=error.kind)
             case HTTPException():
@@ -288,8 +293,11 @@ def _refusals() -> dict[Any, Any]:
             case OSError():
                 sentence = f"The server could not write to its disk ({error.strerror}). Try again."
                 return problem(507, sentence, kind="disk-full")
+            case PeakingError():
+                return problem(500, without_paths(str(error)))
             case _:
-                return problem(500, "Something went wrong on the server. Its log has the details.")
+                sentence = f"Something went wrong on the server ({cause_of(error)})."
+                return problem(500, sentence)
 
     return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
 
