@@ -29,6 +29,7 @@ from peaking.server.pairing_codes import (
     CODE_LASTS_S,
     DEVICE,
     CodeRefused,
+    Grant,
     PairingCodes,
 )
 from peaking.server.sessions import SessionStore
@@ -504,6 +505,20 @@ def test_what_is_kept_of_a_device_is_small(devices: Devices, tmp_path: Path) -> 
     file = msgspec.json.decode((tmp_path / "sessions/.peaking/devices.json").read_bytes())
     assert set(file) == {"version", "server", "devices"}
     assert len(file["server"]) == 8
+
+
+def test_a_participant_who_is_erased_leaves_no_trace(devices: Devices) -> None:
+    both, one = str(uuid4()), str(uuid4())
+    credentials: list[str] = []
+    for device, who in ((both, "P01"), (both, "P02"), (one, "P01")):
+        found = devices.pair(
+            devices.codes.give(Grant("participant", who)), device=device, name="phone"
+        )
+        assert found
+        credentials.append(found[1])
+    devices.forget("P01")
+    assert [device.participants for device in devices.list()] == [["P02"]]
+    assert [devices.known(c) is not None for c in credentials] == [True, True, False]
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:

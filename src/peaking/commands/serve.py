@@ -67,7 +67,6 @@ class Serve:
             )
         token = fixed_token(self.token_file)
         check_port(self.port)
-        say_when_outdated()
         keep_private()
         with checked_arguments():
             options = self.method.options()
@@ -83,6 +82,7 @@ class Serve:
         invitation = Invitation(devices, pages, what="phone")
 
         def started() -> None:
+            say_when_outdated()
             say(
                 "Open this link on the phone, or scan the code with its camera. It pairs one phone."
             )

@@ -64,7 +64,6 @@ class ServeStudy:
 
         token = fixed_token(self.token_file)
         check_port(self.port)
-        say_when_outdated()
         keep_private()
         load_protocol(self.folder)  # before anything is written there
         with held(self.folder):
@@ -108,6 +107,7 @@ class ServeStudy:
             )
 
             def started() -> None:
+                say_when_outdated()
                 say("Console, for the experimenter only; the link pairs one browser:")
                 if devices is None:
                     say(*(f"  {page}" for page in consoles))

@@ -244,6 +244,17 @@ class Devices:
             file.devices = [device for device in file.devices if device.id != device_id]
             return len(file.devices) < before
 
+    def forget(self, participant: str) -> None:
+        """Let no phone do the part of a participant any more, and keep no trace of them."""
+        with self._changing() as file:
+            for device in file.devices:
+                device.participants = [one for one in device.participants if one != participant]
+            file.devices = [
+                device
+                for device in file.devices
+                if device.role != "participant" or device.participants
+            ]
+
     @contextlib.contextmanager
     def listening(self, device_id: str, ended: Callable[[], None]) -> Generator[None, None, None]:
         """Call `ended`, in any thread, when the device is revoked while the block runs.
