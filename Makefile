@@ -27,7 +27,7 @@ $(INSTALLED): pyproject.toml requirements.lock scripts/make_venv
 
 torch: $(TORCH)  ## Bring PyTorch and transformers, for learned generators, into .venv
 
-$(TORCH): $(INSTALLED) requirements-torch.lock scripts/make_torch
+$(TORCH): $(INSTALLED) requirements-torch.lock requirements-torch-cpu.lock requirements-torch-cuda.lock scripts/make_torch
 	@scripts/make_torch
 	@touch $@
 

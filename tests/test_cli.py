@@ -292,7 +292,9 @@ def test_all_unknown_depth_says_so(
         (["demo", "--host", "0.0.0.0"], "loopback"),
         (["demo", "--host", "kitchen"], "kitchen"),
         (["demo", "--port", "99999"], "--port"),
-        (["serve", "{out}", "--token", "short"], "--token"),
+        (["serve", "{out}", "--token", "Wq3vZ81-kTb5xNcE7r"], "--token-file"),
+        (["serve", "{out}", "--token-file", "{room}/nothing"], "cannot be read"),
+        (["serve", "{out}", "--token-file", "{room}/transforms.json"], "token"),
         (["serve", "{out}", "--port", "-1"], "--port"),
     ],
 )

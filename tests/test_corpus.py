@@ -63,7 +63,7 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Opened:
 
 def capture_app(store: SessionStore) -> Any:
     return create_app(
-        store=store, config=ServerOptions(token=None, client_dir=store.root / "no client")
+        store=store, config=ServerOptions(devices=None, client_dir=store.root / "no client")
     )
 
 
@@ -216,8 +216,7 @@ def test_a_study_goes_on_where_everybody_was(opened: Opened) -> None:
     assert records["P01"].trials[0].answers["sus"]["q1"] == 4
     store = SessionStore(folder / "sessions")
     config = StudyServerOptions(
-        token=None,
-        console_token=None,
+        devices=None,
         client_dir=folder / "no client",
         phone_links=["http://localhost/participant?participant="],
     )

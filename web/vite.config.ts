@@ -14,7 +14,8 @@ export default defineConfig({
     chunkSizeWarningLimit: 900,
     rollupOptions: {
       input: {
-        index: page('index'), check: page('check'), sessions: page('sessions'),
+        index: page('index'), check: page('check'), devices: page('devices'),
+        sessions: page('sessions'),
         participant: page('participant'), study: page('study'),
       },
     },

@@ -18,6 +18,7 @@ from peaking.commands import (
     bench_live,
     checkpoints,
     demo,
+    devices,
     evaluate,
     generate,
     plan,
@@ -36,6 +37,7 @@ DESCRIPTION = """See in red, while you photograph, which pixels view synthesis s
 Examples:
   peaking demo
   peaking serve ~/captures
+  peaking devices ~/captures
   peaking study init study
   peaking replay scenes/desk --out out/desk
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
@@ -65,6 +67,7 @@ class Command(Protocol):
 COMMANDS: dict[str, type[Command]] = {
     "demo": demo.Demo,
     "serve": serve.Serve,
+    "devices": devices.ListDevices,
     "study": study.Study,
     "replay": replay.Replay,
     "plan": plan.Plan,

@@ -123,7 +123,7 @@ def _clock() -> Callable[[], float]:
 
 def _capture_app(store: SessionStore, root: Path) -> Any:
     options = replace(DEFAULT, pixels=PIXELS, num_planes=PLANES)
-    config = ServerOptions(token=None, client_dir=root / "none", options=options)
+    config = ServerOptions(devices=None, client_dir=root / "none", options=options)
     return create_app(store=store, config=config)
 
 
@@ -260,8 +260,7 @@ def _study(folder: Path) -> None:
     (folder / "protocol.toml").write_text(PROTOCOL)
     sessions = SessionStore(folder / "sessions", clock=_clock())
     config = StudyServerOptions(
-        token=None,
-        console_token=None,
+        devices=None,
         client_dir=folder / "none",
         phone_links=["http://localhost/participant?participant="],
     )

@@ -88,20 +88,59 @@ def test_check_says_what_to_do_about_what_is_missing(
     context.close()
 
 
-def test_check_without_the_token_says_so(browser: Browser, tmp_path: Path) -> None:
-    command = ("serve", "--adb", "--token", "a-token-to-test")
-    server = LiveServer(tmp_path / "sessions", command=command).start()
+def test_a_link_pairs_one_device_which_stays_paired_until_it_is_revoked(
+    browser: Browser, tmp_path: Path
+) -> None:
+    server = LiveServer(tmp_path / "sessions", command=("serve", "--adb")).start()
+    phone = browser.new_context(viewport=SIZES["phone"], user_agent=ANDROID)
+    other = browser.new_context(viewport=SIZES["wide"])
     try:
-        context = browser.new_context(viewport=SIZES["phone"])
-        page = opened(context, f"{server.address}/check")
+        page = opened(phone, f"{server.address}/check")
         grade, sentence = finding(page, "Server")
         assert (grade, "Open the link that it printed" in sentence) == ("bad", True)
-        page = opened(context, f"{server.address}/check#token=a-token-to-test")
+        code = code_in(server.said)
+        page = opened(phone, f"{server.address}/check#code={code}")
         assert finding(page, "Server")[0] == "good"
-        assert "token" not in page.evaluate("location.href")
-        context.close()
+        assert "code" not in page.evaluate("location.href")
+        assert page.evaluate("document.cookie") == ""  # no script can read it
+
+        page = opened(other, f"{server.address}/devices#code={code}")
+        page.get_by_role("alert").get_by_text("was used before").wait_for()
+        assert page.locator(".device").count() == 0
+
+        server.kill()
+        server.start()  # at the same port
+        page = opened(phone, f"{server.address}/devices")
+        line = page.locator(".device", has_text="Chrome on Pixel 9")
+        line.wait_for()
+        assert "This device" in line.inner_text()
+        page.get_by_role("button", name="Add a phone").click()
+        page.locator("#code img").wait_for()
+        keep_picture(page, "devices-phone")
+        assert fits(page)
+
+        link = page.locator("#code .link").inner_text().replace("/#", "/devices#")
+        desk = opened(other, link)
+        desk.locator(".device", has_text="This device").wait_for()
+        assert desk.locator(".device").count() == 2
+        keep_picture(desk, "devices-wide")
+        desk.on("dialog", lambda dialog: dialog.accept())
+        desk.get_by_role("button", name="Revoke Chrome on Pixel 9").click()
+        moved_on = "document.querySelectorAll('.device').length === 1"
+        desk.wait_for_function(moved_on)
+        page.get_by_role("alert").get_by_text("Pair this device first").wait_for()
+        assert page.locator(".device").count() == 0
     finally:
+        phone.close()
+        other.close()
         server.stop()
+
+
+def code_in(said: list[str]) -> str:
+    """Return the code of the link that a server printed."""
+    found = re.search(r"#code=(\S+)", "".join(said))
+    assert found
+    return found[1]
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -19,7 +19,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from limited_server import connect, heard, limited_server
-from peaking.server.certificates import authority, server_context
+from peaking.server.certificates import open_authority
 from peaking.server.connections import (
     Connection,
     ConnectionLimits,
@@ -34,6 +34,7 @@ from peaking.server.http_connection import (
     MAX_WAITING_REQUESTS,
 )
 from peaking.server.requests import mark_paired
+from peaking.server.server_certificate import ServerCertificate
 
 FOR_EVER = math.inf
 PATIENT = ConnectionLimits(
@@ -268,7 +269,7 @@ def test_idle_strangers_lock_nobody_out() -> None:
 
 
 def test_strangers_that_do_not_get_through_with_tls_lock_nobody_out(tmp_path: Path) -> None:
-    context = server_context(authority(tmp_path), ["localhost"])
+    context = ServerCertificate(open_authority(tmp_path)).context
     trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking-ca.pem"))
     with limited_server(Greeting(), replace(PATIENT, strangers=5), context=context) as port:
         idle = [connect(port, b"\x16\x03\x01\x02"[: n % 5]) for n in range(40)]

@@ -42,7 +42,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def client_of(root: Path) -> TestClient:
-    config = ServerOptions(token=None, client_dir=root)
+    config = ServerOptions(devices=None, client_dir=root)
     app = create_app(store=SessionStore(root), config=config)
     return TestClient(app, base_url="http://localhost", raise_server_exceptions=True)
 

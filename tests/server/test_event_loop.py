@@ -124,12 +124,12 @@ def port(tmp_path: Path, watch: Watch) -> Generator[int, None, None]:
     sessions = SessionStore(tmp_path / "sessions")
     study = OpenStudy(tmp_path, sessions)
     recordings = {"desk": PlayedRecording("desk", open_recording(DESK))}
-    config = ServerOptions(token=None, client_dir=pages, recordings=recordings)
+    config = ServerOptions(devices=None, client_dir=pages, recordings=recordings)
     links = ["http://localhost/participant?participant="]
     app = create_study_app(
         study=study,
         capture=create_app(store=sessions, config=config),
-        config=StudyServerOptions(None, None, pages, links),
+        config=StudyServerOptions(devices=None, client_dir=pages, phone_links=links),
     )
 
     async def watched(scope: Scope, receive: Receive, send: Send) -> None:

@@ -65,7 +65,7 @@ def opened(tmp_path: Path) -> Iterator[Open]:
     clients: list[TestClient] = []
 
     def open_client(**config: Any) -> TestClient:
-        options = ServerOptions(token=None, client_dir=tmp_path / "none", **config)
+        options = ServerOptions(devices=None, client_dir=tmp_path / "none", **config)
         store = SessionStore(tmp_path / "the store" / "sessions")
         client = TestClient(
             create_app(store=store, config=options),
@@ -409,7 +409,7 @@ def test_damaged_sessions_are_listed_without_their_path(tmp_path: Path) -> None:
     root = tmp_path / "the store"
     (root / "s1").mkdir(parents=True)
     (root / "s1" / "log.jsonl").write_bytes(b"\0" * 100 + b"\n")
-    config = ServerOptions(token=None, client_dir=tmp_path)
+    config = ServerOptions(devices=None, client_dir=tmp_path)
     app = create_app(store=SessionStore(root), config=config)
     handlers: Any = next(r for r in app.routes if getattr(r, "path", "") == "/api/v1/server")
     told = handlers.endpoint.__self__._list().problems

@@ -42,7 +42,7 @@ for _ in sys.stdin:
     serve(
         listener,
         sessions=Path(sys.argv[1]),
-        config=ServerOptions(token=None, client_dir=Path("none")),
+        config=ServerOptions(devices=None, client_dir=Path("none")),
         started=lambda: print(os.getpid(), listener.getsockname()[1], flush=True),
         told=print,
     )

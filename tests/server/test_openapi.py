@@ -31,7 +31,7 @@ def test_the_typescript_twin_is_fresh() -> None:
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
     root = tmp_path_factory.mktemp("fuzz")
-    config = ServerOptions(token=None, client_dir=root, max_upload_bytes=200_000)
+    config = ServerOptions(devices=None, client_dir=root, max_upload_bytes=200_000)
     app = create_app(store=SessionStore(root / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         client.put(f"/api/v1/sessions/{SESSION_ID}", json=new_session())

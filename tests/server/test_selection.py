@@ -31,7 +31,7 @@ ASKED = {
 def client(tmp_path_factory: pytest.TempPathFactory) -> Generator[TestClient]:
     root: Path = tmp_path_factory.mktemp("selection")
     options = replace(DEFAULT, pixels=4096, num_planes=8)
-    config = ServerOptions(token=None, client_dir=root, options=options)
+    config = ServerOptions(devices=None, client_dir=root, options=options)
     app = create_app(store=SessionStore(root / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         client.put(SESSION, json=new_session())

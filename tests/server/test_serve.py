@@ -14,12 +14,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
 from capture_uploads import SESSION_ID, new_session, upload
-from peaking.server.certificates import authority, lan_addresses, server_context
 from peaking.server.serving import bind
+from peaking.server.wire import PROTOCOL
 
 PEAKING = "from peaking.cli import main; main()"
 
@@ -49,22 +50,30 @@ def end(process: subprocess.Popen[str]) -> None:
 
 
 def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
-    arguments = ["serve", str(tmp_path / "s"), "--port", "0", "--token", "a-token-to-test"]
+    arguments = ["serve", str(tmp_path / "s"), "--port", "0"]
     process, said = run(arguments, tmp_path, "Ctrl-C")
     try:
         assert "▀" in said or "█" in said  # the code to scan
-        found = re.search(r"https://(\S+):(\d+)/#token=a-token-to-test", said)
+        found = re.search(r"https://(\S+):(\d+)/#code=(\S{20,})", said)
         assert found, said
         trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking" / "peaking-ca.pem"))
         connection = http.client.HTTPSConnection("localhost", int(found[2]), context=trusts)
         connection.request("GET", "/api/v1/server")
         refused = connection.getresponse()
         assert (refused.status, b"protocol" in refused.read()) == (401, False)
-        headers = {"Authorization": "Bearer a-token-to-test"}
+        asked = {"protocol": PROTOCOL, "code": found[3], "device": str(uuid4())}
+        connection.request("POST", "/api/v1/pair", json.dumps(asked))
+        credential = json.loads(connection.getresponse().read())["credential"]
+        headers = {"Authorization": f"Bearer {credential}"}
         connection.request("GET", "/api/v1/server", headers=headers)
         answer = connection.getresponse()
-        assert (answer.status, b'"protocol":2' in answer.read()) == (200, True)
+        assert (answer.status, b'"protocol":3' in answer.read()) == (200, True)
         connection.close()
+        assert process.stdout is not None
+        for line in process.stdout:  # the link for the next phone
+            if "/#code=" in line:
+                assert found[3] not in line
+                break
     finally:
         end(process)
 
@@ -72,7 +81,7 @@ def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
 def test_serve_for_a_phone_on_a_cable(tmp_path: Path) -> None:
     process, said = run(["serve", str(tmp_path / "s"), "--adb", "--port", "0"], tmp_path, "Ctrl-C")
     end(process)
-    port = re.search(r"http://localhost:(\d+)/#token=\S{20,}", said)
+    port = re.search(r"http://localhost:(\d+)/#code=\S{20,}", said)
     assert port
     assert f"adb reverse tcp:{port[1]} tcp:{port[1]}" in said
     assert not (tmp_path / "peaking").exists()
@@ -174,18 +183,6 @@ def test_answers_are_sent_at_once() -> None:
 
     asyncio.run(talk())
     assert [option != 0 for option in told] == [True]
-
-
-def test_the_authority_is_kept_and_its_key_is_private(tmp_path: Path) -> None:
-    first = authority(tmp_path).cert_pem.bytes()
-    assert authority(tmp_path).cert_pem.bytes() == first
-    key = tmp_path / "peaking-ca.key"
-    assert stat.S_IMODE(key.stat().st_mode) == 0o600
-    server_context(authority(tmp_path), ["localhost", "192.0.2.7"])
-
-
-def test_lan_addresses_are_no_loopback() -> None:
-    assert not any(a.startswith("127.") or a == "::1" for a in lan_addresses())
 
 
 @pytest.mark.parametrize("command", ["serve", "demo"])

@@ -59,7 +59,7 @@ def test_a_client_can_miss_two_pings() -> None:
 
 def test_more_neighbours_than_clients_blend_are_refused_at_the_start() -> None:
     most = replace(DEFAULT, neighbours=wire.MAX_NEIGHBOURS)
-    ServerOptions(token=None, client_dir=Path("none"), options=most)
+    ServerOptions(devices=None, client_dir=Path("none"), options=most)
     more = replace(DEFAULT, neighbours=wire.MAX_NEIGHBOURS + 1)
     with pytest.raises(ValueError, match="neighbours <= 8, which is what clients can blend, got 9"):
-        ServerOptions(token=None, client_dir=Path("none"), options=more)
+        ServerOptions(devices=None, client_dir=Path("none"), options=more)

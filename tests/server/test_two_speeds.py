@@ -41,7 +41,7 @@ SESSION = f"/api/v1/sessions/{SESSION_ID}"
 def client_of(root: Path, options: Options) -> TestClient:
     store = SessionStore(root / "sessions")
     app = create_app(
-        store=store, config=ServerOptions(token=None, client_dir=root, options=options)
+        store=store, config=ServerOptions(devices=None, client_dir=root, options=options)
     )
     return TestClient(app, base_url="http://localhost")
 

@@ -63,7 +63,7 @@ def test_points_that_are_no_places_are_named(wrong: float) -> None:
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        (header(protocol=1), "version 2"),
+        (header(protocol=1), "version 3"),
         (header(time_s=-1), "time_s"),
         (header(photo_bytes=0), "photo_bytes"),
         (header(photo_bytes=10_000_000), "incomplete"),

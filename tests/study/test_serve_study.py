@@ -14,6 +14,8 @@ from starlette.testclient import TestClient
 from capture_uploads import capture_id, photo, upload
 from peaking.errors import StudyError
 from peaking.server.app import ServerOptions, create_app
+from peaking.server.devices import Devices
+from peaking.server.pairing_codes import CONSOLE as CONSOLE_GRANT
 from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyServerOptions, create_study_app
 from peaking.server.study.erasure import erase_participant
@@ -38,17 +40,16 @@ NEW = "0f0f0f0f-0000-4000-8000-000000000001"
 SESSION = "5e551011-0000-4000-8000-000000000001"
 
 
-def open_client(folder: Path, *, token: str | None = None) -> TestClient:
+def open_client(folder: Path, *, devices: Devices | None = None) -> TestClient:
     sessions = SessionStore(folder / "sessions")
     study = OpenStudy(folder, sessions)
     capture = create_app(
         store=sessions,
-        config=ServerOptions(token=token, client_dir=folder / "none"),
+        config=ServerOptions(devices=devices, client_dir=folder / "none"),
         admission=study,
     )
     config = StudyServerOptions(
-        token=token,
-        console_token=None if token is None else f"console-{token}",
+        devices=devices,
         client_dir=folder / "none",
         phone_links=["http://localhost/participant?participant="],
     )
@@ -351,21 +352,63 @@ def test_photos_go_after_the_review_when_they_may_not_be_kept(
     assert '"ImagesErased"' in log_of(study, "P01").path.read_text()
 
 
-def test_the_console_has_a_token_of_its_own(study: Path) -> None:
-    with open_client(study, token="secret-of-phones") as client:
-        phone = {"Authorization": "Bearer secret-of-phones"}
-        both = {
-            "cookie": "peaking_token=secret-of-phones; peaking_console=console-secret-of-phones"
-        }
+def pair(client: TestClient, code: str, device: str | None = None) -> dict[str, str]:
+    """Pair a device; return the header by which it is known."""
+    asked = {"protocol": PROTOCOL, "code": code, "device": device or str(uuid4())}
+    answer = client.post("/api/v1/pair", json=asked)
+    assert answer.status_code == 200, answer.text
+    return {"Authorization": f"Bearer {answer.json()['credential']}"}
+
+
+def code_for(client: TestClient, console: dict[str, str], participant: str) -> str:
+    answer = client.post(f"{CONSOLE}/participants/{participant}/codes", headers=console)
+    link = answer.json()["links"][0]
+    assert link.startswith(f"http://localhost/participant?participant={participant}#code=")
+    return link.partition("#code=")[2]
+
+
+def test_a_participants_phone_reaches_that_participant_and_nothing_else(study: Path) -> None:
+    devices = Devices(study / "sessions", usual=CONSOLE_GRANT)
+    with open_client(study, devices=devices) as client:
+        console = pair(client, devices.codes.give(CONSOLE_GRANT))
         new = f"{CONSOLE}/participants/{uuid4()}"
+        assert client.put(new).status_code == 401
+        assert client.put(new, headers=console).status_code == 201
+        assert client.put(f"{CONSOLE}/participants/{uuid4()}", headers=console).status_code == 201
+        phone = pair(client, code_for(client, console, "P01"), NEW)
         assert client.get("/api/v1/study/texts").status_code == 401
         assert client.get("/api/v1/study/texts", headers=phone).status_code == 200
-        assert client.put(new, headers=phone).status_code == 401
-        assert client.put(new, headers=both).status_code == 201
-        stranger = {**both, "origin": "http://elsewhere"}
+        assert client.get(P01, headers=phone).status_code == 200
+        assert client.get("/api/v1/server", headers=phone).status_code == 200
+        forbidden = [
+            ("PUT", new), ("GET", f"{CONSOLE}/events"),
+            ("POST", f"{CONSOLE}/participants/P01/codes"),
+            ("GET", P01.replace("P01", "P02")), ("GET", "/api/v1/sessions"),
+            ("GET", "/api/v1/events"), ("GET", "/api/v1/devices"),
+            ("POST", "/api/v1/devices/codes"), ("DELETE", "/api/v1/devices/x"),
+        ]  # fmt: skip
+        for method, path in forbidden:
+            answer = client.request(method, path, headers=phone)
+            assert (answer.status_code, path) == (403, path)
+            assert answer.json()["type"] == "urn:peaking:problem:not-admitted"
+        # The same phone, handed to the next participant, may still send what it kept of the first.
+        phone = pair(client, code_for(client, console, "P02"), NEW)
+        for path in (P01, P01.replace("P01", "P02")):
+            assert client.get(path, headers=phone).status_code == 200
+        assert len(client.get("/api/v1/devices", headers=console).json()["devices"]) == 2
+        stranger = {**console, "origin": "http://elsewhere"}
         assert client.put(new, headers=stranger).status_code == 403
-        qr = client.get(f"{CONSOLE}/participants/P01/qr.svg", headers=both)
-        assert qr.headers["content-type"].startswith("image/svg+xml")
+
+
+def test_the_consoles_codes_are_fresh(study: Path) -> None:
+    devices = Devices(study / "sessions", usual=CONSOLE_GRANT)
+    with open_client(study, devices=devices) as client:
+        console = pair(client, devices.codes.give(CONSOLE_GRANT))
+        client.put(f"{CONSOLE}/participants/{uuid4()}", headers=console)
+        codes = {code_for(client, console, "P01") for _ in range(3)}
+        assert len(codes) == 3
+        for code in codes:
+            assert client.get(P01, headers=pair(client, code)).status_code == 200
 
 
 def test_one_server_at_a_time(study: Path) -> None:

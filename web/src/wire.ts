@@ -5,7 +5,7 @@ import {
 } from './schema';
 
 /** Goes up when an older client would misunderstand; both sides refuse another version. */
-export const PROTOCOL = 2;
+export const PROTOCOL = 3;
 /** Views that a client blends; `Options.neighbours` is never more. */
 export const MAX_NEIGHBOURS = 8;
 /** Targets that a person is asked to reach; a guide that needs more is refused. */
@@ -171,6 +171,46 @@ export interface ServerInfo {
   readonly max_upload_bytes: number;
 }
 
+/** POST /api/v1/pair: a device shows the code of a link, and gets a credential of its own. */
+export interface Pairing {
+  readonly protocol: number;
+  readonly code: string;
+  readonly device: string;
+  readonly name?: string;
+  readonly cookie?: boolean;
+}
+
+/** The answer: the device may now use the server. */
+export interface Paired {
+  readonly device: string;
+  readonly role: 'console' | 'device' | 'participant';
+  readonly credential: string | null;
+}
+
+/** One device that may use the server. */
+export interface PairedDevice {
+  readonly id: string;
+  readonly name: string;
+  readonly role: 'console' | 'device' | 'participant';
+  readonly participants: readonly string[];
+  readonly paired_s: number;
+  readonly seen_s: number;
+  readonly this: boolean;
+}
+
+/** GET /api/v1/devices, the one seen last first. */
+export interface PairedDevices {
+  readonly devices: readonly PairedDevice[];
+  readonly open: boolean;
+}
+
+/** POST /api/v1/devices/codes: a new code, which pairs one device within ten minutes. */
+export interface PairingLink {
+  readonly links: readonly string[];
+  readonly qr_svg: string;
+  readonly until_s: number;
+}
+
 /** One frame of a recording that is played as the camera. */
 export interface RecordedFrame {
   readonly camera: Camera;
@@ -310,6 +350,33 @@ export const serverInfoSchema: Schema<ServerInfo> = /* @__PURE__ */ record<Serve
   recordings: list(text),
   warm: flag,
   max_upload_bytes: integer(),
+});
+
+export const pairedSchema: Schema<Paired> = /* @__PURE__ */ record<Paired>({
+  device: text,
+  role: oneOf('console', 'device', 'participant'),
+  credential: nullable(text),
+});
+
+export const pairedDeviceSchema: Schema<PairedDevice> = /* @__PURE__ */ record<PairedDevice>({
+  id: text,
+  name: text,
+  role: oneOf('console', 'device', 'participant'),
+  participants: list(text),
+  paired_s: number(),
+  seen_s: number(),
+  this: flag,
+});
+
+export const pairedDevicesSchema: Schema<PairedDevices> = /* @__PURE__ */ record<PairedDevices>({
+  devices: list(pairedDeviceSchema),
+  open: flag,
+});
+
+export const pairingLinkSchema: Schema<PairingLink> = /* @__PURE__ */ record<PairingLink>({
+  links: list(text),
+  qr_svg: text,
+  until_s: number(),
 });
 
 export const recordedFrameSchema: Schema<RecordedFrame> = /* @__PURE__ */ record<RecordedFrame>({

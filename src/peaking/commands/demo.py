@@ -47,6 +47,7 @@ class Demo:
         import ipaddress
         import webbrowser
 
+        from peaking.commands.python_version import say_when_outdated
         from peaking.commands.serving import check_port, keep_private, say_skipped
         from peaking.datasets import open_recording
         from peaking.server.app import ServerOptions
@@ -76,6 +77,7 @@ class Demo:
         address = f"http://{host}:{listener.getsockname()[1]}/"
 
         def started() -> None:
+            say_when_outdated()
             say(f"Capture page:        {address}{query if recordings else ''}")
             say(f"List of sessions:    {address}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
@@ -87,7 +89,7 @@ class Demo:
             listener,
             sessions=self.sessions,
             config=ServerOptions(
-                token=None,
+                devices=None,
                 client_dir=CLIENT_DIR,
                 options=options,
                 keep_exif=self.keep_exif,

@@ -12,15 +12,14 @@ from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.terminal import say
 
-MIN_TOKEN_CHARS = 8
-
 
 @dataclass(frozen=True)
 class Serve:
     """Serve the capture page to phones in the local network; prints a link and its QR code.
 
     Serves https with its own certificate, because phones give other pages neither the camera nor
-    augmented reality. Requests without the token in the link are rejected.
+    augmented reality. The link pairs one phone, once; a phone that is paired stays so, also after a
+    restart, as long as it is used every week. The page /devices and `peaking devices` list them.
 
     Examples:
       peaking serve ~/captures
@@ -37,26 +36,36 @@ class Serve:
     """Port to listen on, or the next free one; 0: any free port."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """For a phone on a USB cable: http on localhost, through `adb reverse`."""
+    token_file: Path | None = None
+    """File with a secret that pairs scripted clients; or the environment's PEAKING_TOKEN."""
     token: str | None = None
-    """Secret in the link, at least 8 characters; default: a new random one at each start."""
+    """Refused: other users can read command lines. Use --token-file or PEAKING_TOKEN."""
     keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
-        import secrets
-
-        import segno
-
-        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
+        from peaking.commands.python_version import say_when_outdated
+        from peaking.commands.serving import (
+            Invitation,
+            check_port,
+            fixed_token,
+            https_origins,
+            keep_private,
+            say_skipped,
+        )
         from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
+        from peaking.server.devices import Devices
         from peaking.server.serving import CLIENT_DIR, bind, serve
 
-        token = self.token or secrets.token_urlsafe(18)
-        if len(token) < MIN_TOKEN_CHARS:
-            raise ArgumentError(f"need --token of at least {MIN_TOKEN_CHARS} characters")
+        if self.token is not None:
+            raise ArgumentError(
+                "--token: other users of this computer can read it in the list of processes; put "
+                "another one into a file, and give --token-file, or set PEAKING_TOKEN"
+            )
+        token = fixed_token(self.token_file)
         check_port(self.port)
         keep_private()
         with checked_arguments():
@@ -66,13 +75,18 @@ class Serve:
         origins, context = [f"http://localhost:{port}"], None
         if not self.adb:
             origins, context = https_origins(self.host, port)
-        links = [f"{origin}/#token={token}" for origin in origins]
+        devices = Devices(self.sessions, fixed_secret=token)
+        for problem in devices.problems:
+            say(f"Note: {problem}", problem=True)
+        pages = [f"{origin}/" for origin in origins]
+        invitation = Invitation(devices, pages, what="phone")
 
         def started() -> None:
-            segno.make(links[0], error="m").terminal(compact=True)
-            say("Open this link on the phone (or scan the code with its camera):")
-            for link in links:
-                say(f"  {link}")
+            say_when_outdated()
+            say(
+                "Open this link on the phone, or scan the code with its camera. It pairs one phone."
+            )
+            invitation.show()
             if self.adb:
                 say(f"First connect the phone by cable and run:  adb reverse tcp:{port} tcp:{port}")
             else:
@@ -88,11 +102,11 @@ class Serve:
             listener,
             sessions=self.sessions,
             config=ServerOptions(
-                token=token,
+                devices=devices,
                 client_dir=CLIENT_DIR,
                 options=options,
+                pages=pages,
                 keep_exif=self.keep_exif,
-                secure=not self.adb,
             ),
             context=context,
             started=started,

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
+import os
+import stat
+import threading
+import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from peaking.commands.arguments import ArgumentError
+from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.terminal import say
 
 if TYPE_CHECKING:
     import ssl
+    from collections.abc import Sequence
+
+    from peaking.server.devices import Devices
+    from peaking.server.server_certificate import ServerCertificate
 
 EVERY_ADDRESS = ("0.0.0.0", "::")
 MAX_PORT = 65535
+RENEWAL_LOOKED_AT_EVERY_S = 60.0
+TOKEN_VARIABLE = "PEAKING_TOKEN"
+MIN_TOKEN_CHARS = 16
+MIN_VARIETY = 8
+"""Of a token: different characters, and different steps from one to the next."""
+COMMON_WORDS = ("password", "passwort", "peaking", "secret", "token", "qwert", "12345", "letmein")
+MAKE_ONE = "make one with: python3 -c 'import secrets; print(secrets.token_urlsafe(24))'"
 
 
 def check_port(port: int) -> None:
@@ -27,27 +45,134 @@ def check_port(port: int) -> None:
 def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     """Return the addresses at which the local network reaches this machine, and their certificate.
 
+    The certificate is renewed while the program runs.
+
     Raises:
         OutputError: The certificate authority cannot be stored.
     """
-    import socket
+    from peaking.server.certificates import config_folder, lan_addresses, open_authority
+    from peaking.server.server_certificate import ServerCertificate
 
-    from peaking.server.certificates import authority, config_folder, lan_addresses, server_context
+    every = host in EVERY_ADDRESS
+    hosts = [] if every else [host]
+    with checked_arguments():
+        authority = open_authority(config_folder(), hosts=hosts)
+    for remark in authority.remarks:
+        say(f"Note: {remark}", problem=True)
+    certificate = ServerCertificate(authority, hosts)
+    addresses = lan_addresses() if every else hosts
+    for address in addresses:
+        if not authority.permits(address):
+            say(
+                f"Note: {address} is not a private address; to serve there, give --host {address}",
+                problem=True,
+            )
+    threading.Thread(target=_renew, args=[certificate], daemon=True).start()
+    served = [a for a in addresses if authority.permits(a)] or ["localhost"]
+    return [f"https://{f'[{a}]' if ':' in a else a}:{port}" for a in served], certificate.context
 
-    addresses = lan_addresses() if host in EVERY_ADDRESS else [host]
-    names = [*addresses, "localhost", "127.0.0.1", socket.gethostname()]
-    context = server_context(authority(config_folder()), list(dict.fromkeys(names)))
-    hosts = [f"[{a}]" if ":" in a else a for a in addresses] or ["localhost"]
-    return [f"https://{name}:{port}" for name in hosts], context
+
+def _renew(certificate: ServerCertificate) -> None:
+    while True:
+        time.sleep(RENEWAL_LOOKED_AT_EVERY_S)
+        with contextlib.suppress(OSError):  # the disk was full: tried again
+            certificate.renew_when_due()
 
 
 def keep_private() -> None:
     """Let nobody but the owner read what this process writes from now on."""
-    import os
-
     os.umask(0o077)
 
 
 def say_skipped(problem: str) -> None:
     """Report a session that cannot be opened."""
     say(f"skipped: {problem}", problem=True)
+
+
+def fixed_token(file: Path | None) -> str | None:
+    """Return the fixed secret of a file or of the environment; None when there is none.
+
+    It is taken out of the environment, so that programs that are started from here do not get it.
+
+    Raises:
+        ArgumentError: It cannot be read, others can read it, or it is easy to guess.
+    """
+    said = os.environ.pop(TOKEN_VARIABLE, None)
+    source = TOKEN_VARIABLE
+    if file is not None:
+        source = f"--token-file {file}"
+        try:
+            with file.open("rb") as opened:
+                found = os.fstat(opened.fileno())
+                if stat.S_ISREG(found.st_mode) and found.st_mode & 0o077:
+                    raise ArgumentError(f"{source}: other users can read it; run: chmod 600 {file}")
+                said = opened.read(10_000).decode("ascii").strip()
+        except OSError as error:
+            raise ArgumentError(f"{source}: cannot be read ({error.strerror})") from error
+        except UnicodeDecodeError:
+            said = ""
+    if said is not None and not _hard_to_guess(said):
+        raise ArgumentError(
+            f"{source}: need a token of {MIN_TOKEN_CHARS} … 200 random letters and digits, in one "
+            f"line; {MAKE_ONE}"
+        )
+    return said
+
+
+def _hard_to_guess(token: str) -> bool:
+    """Return whether a token looks random: long, varied, no row and nothing repeated."""
+    steps = {ord(b) - ord(a) for a, b in itertools.pairwise(token)}
+    plain = token.lower()
+    return (
+        MIN_TOKEN_CHARS <= len(token) <= 200
+        and token.isascii()
+        and token.isprintable()
+        and " " not in token
+        and min(len(set(token)), len(steps)) >= MIN_VARIETY
+        and (token + token).find(token, 1) == len(token)
+        and not any(word in plain for word in COMMON_WORDS)
+    )
+
+
+class Invitation:
+    """A link in the terminal that pairs one device; when it is over, the next one is shown."""
+
+    def __init__(
+        self, devices: Devices, pages: Sequence[str], *, what: str, qr: bool = True
+    ) -> None:
+        """Show nothing yet.
+
+        Args:
+            devices: Knows the codes.
+            pages: What a device opens, the best address first.
+            what: What the next device is called.
+            qr: Show a QR code too.
+        """
+        self._devices = devices
+        self._pages = pages
+        self._what = what
+        self._qr = qr
+
+    def show(self) -> None:
+        """Show all links and the QR code."""
+        links = self._links()
+        self._show_code(links[0])
+        for link in links:
+            say(f"  {link}")
+
+    def _show_next(self) -> None:
+        links = self._links()
+        self._show_code(links[0])
+        say(f"For another {self._what} (the link before is used up):  {links[0]}")
+
+    def _links(self) -> list[str]:
+        from peaking.server.device_routes import pairing_link
+
+        usual = self._devices.usual
+        return pairing_link(self._devices, self._pages, usual, after=self._show_next).links
+
+    def _show_code(self, link: str) -> None:
+        import segno
+
+        if self._qr:
+            segno.make(link, error="m").terminal(compact=True)

@@ -56,6 +56,7 @@ class Erase:
     def run(self) -> None:
         """Ask, and delete."""
         from peaking.commands.serving import keep_private
+        from peaking.server.devices import Devices, has_devices
         from peaking.server.study.erasure import erase_participant
 
         keep_private()
@@ -67,4 +68,7 @@ class Erase:
                 say("Nothing was deleted.")
                 return
         erase_participant(self.folder, self.participant)
+        sessions = self.folder / "sessions"
+        if has_devices(sessions):
+            Devices(sessions).forget(self.participant)
         say(f"Erased {self.participant}.")

@@ -33,18 +33,28 @@ class ServeStudy:
     preset: Literal["default", "paper"] = "default"
     """`paper` is the published method exactly; `default` is our improved one."""
     local: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Serve this machine only, without tokens: to try a study."""
+    """Serve this machine only, without pairing: to try a study."""
     adb: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """For a phone on a USB cable: http on localhost, through `adb reverse`."""
+    token_file: Path | None = None
+    """File with a secret that pairs consoles; or the environment's PEAKING_TOKEN."""
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
-        import secrets
-
-        from peaking.commands.serving import check_port, https_origins, keep_private, say_skipped
+        from peaking.commands.python_version import say_when_outdated
+        from peaking.commands.serving import (
+            Invitation,
+            check_port,
+            fixed_token,
+            https_origins,
+            keep_private,
+            say_skipped,
+        )
         from peaking.options import PRESETS
         from peaking.server.app import ServerOptions, create_app
+        from peaking.server.devices import Devices
         from peaking.server.events import Hub
+        from peaking.server.pairing_codes import CONSOLE
         from peaking.server.serving import CLIENT_DIR, bind, run
         from peaking.server.sessions import SessionStore
         from peaking.server.study.app import StudyServerOptions, create_study_app
@@ -52,6 +62,7 @@ class ServeStudy:
         from peaking.study.privacy import held
         from peaking.study.protocol import load_protocol
 
+        token = fixed_token(self.token_file)
         check_port(self.port)
         keep_private()
         load_protocol(self.folder)  # before anything is written there
@@ -66,21 +77,22 @@ class ServeStudy:
             origins, context = [f"http://localhost:{port}"], None
             if not plain:
                 origins, context = https_origins(self.host, port)
-            token, console_token = (
-                (None, None)
-                if self.local
-                else (secrets.token_urlsafe(18), secrets.token_urlsafe(18))
-            )
+            consoles = [f"{origin}/study" for origin in origins]
+            devices = None
+            if not self.local:
+                devices = Devices(sessions.root, usual=CONSOLE, fixed_secret=token)
+                for problem in devices.problems:
+                    say(f"Note: {problem}", problem=True)
             hubs = Hub(), Hub()  # of the capture server, and of the study
             capture = create_app(
                 store=sessions,
                 hub=hubs[0],
                 admission=study,
                 config=ServerOptions(
-                    token=token,
+                    devices=devices,
                     client_dir=CLIENT_DIR,
                     options=PRESETS[self.preset],
-                    secure=context is not None,
+                    pages=consoles,
                 ),
             )
             app = create_study_app(
@@ -88,19 +100,19 @@ class ServeStudy:
                 capture=capture,
                 hub=hubs[1],
                 config=StudyServerOptions(
-                    token=token,
-                    console_token=console_token,
+                    devices=devices,
                     client_dir=CLIENT_DIR,
                     phone_links=[f"{origin}/participant?participant=" for origin in origins],
-                    secure=context is not None,
                 ),
             )
-            secret = "" if token is None else f"#token={token}&console={console_token}"
 
             def started() -> None:
-                say("Console, for the experimenter only:")
-                for origin in origins:
-                    say(f"  {origin}/study{secret}")
+                say_when_outdated()
+                say("Console, for the experimenter only; the link pairs one browser:")
+                if devices is None:
+                    say(*(f"  {page}" for page in consoles))
+                else:
+                    Invitation(devices, consoles, what="console", qr=False).show()
                 say("The console shows the links for the phones.")
                 for remark in study.remarks:
                     say(f"Note: {remark}")

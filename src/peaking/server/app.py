@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import logging
 import mimetypes
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,9 +30,11 @@ from peaking.options import DEFAULT, Options
 from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
-from peaking.server.auth import COOKIE, Guard
+from peaking.server.auth import Guard
 from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
+from peaking.server.device_routes import DeviceHandlers, looked_after
+from peaking.server.devices import Devices
 from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom, Share
@@ -76,21 +78,21 @@ class ServerOptions:
     """What a server serves, and to whom.
 
     Attributes:
-        token: Needed for everything below /api; None lets loopback in without one.
+        devices: May ask for what is below /api; None lets in whoever is on this machine.
         client_dir: The built web client.
         options: How clients render and compare, and how MPIs are made.
         recordings: What can be played as the camera, by name.
         max_upload_bytes: Larger uploads are refused.
-        secure: Served over https.
+        pages: What a device opens that is paired by another one; its address, the best first.
         keep_exif: Photos keep their metadata: where, when and with what they were taken.
     """
 
-    token: str | None
+    devices: Devices | None
     client_dir: Path
     options: Options = DEFAULT
     recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
     max_upload_bytes: int = 64_000_000
-    secure: bool = False
+    pages: Sequence[str] = ()
     keep_exif: bool = False
 
     def __post_init__(self) -> None:
@@ -154,20 +156,6 @@ class _Handlers:
                 max_upload_bytes=self.config.max_upload_bytes,
             )
         )
-
-    async def pair(self, _: Request) -> Response:
-        answer = Response(status_code=204)
-        if self.config.token is not None:
-            answer.set_cookie(
-                COOKIE,
-                self.config.token,
-                max_age=30 * 24 * 3600,
-                path="/",
-                secure=self.config.secure,
-                httponly=True,
-                samesite="strict",
-            )
-        return answer
 
     async def openapi(self, _: Request) -> Response:
         return json_response(await run_in_threadpool(document))
@@ -439,13 +427,15 @@ def create_app(
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
         erasing = asyncio.ensure_future(server.erase_expired())
-        yield
+        async with looked_after(config.devices):
+            yield
         erasing.cancel()
         server.close()
 
     app = Starlette(
         routes=[
             *_api_routes(server),
+            *DeviceHandlers(config.devices, config.pages).routes(),
             *routes_of_recordings(config.recordings),
             *client_pages(config.client_dir),
         ],
@@ -453,7 +443,7 @@ def create_app(
         lifespan=lifespan,
     )
     app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
-    app.add_middleware(Guard, token=config.token)
+    app.add_middleware(Guard, devices=config.devices)
     return app
 
 
@@ -463,7 +453,6 @@ def _api_routes(server: _Handlers) -> list[Route]:
     capture = session + "/captures/{capture}"
     return [
         Route("/api/v1/server", server.info, methods=["GET"]),
-        Route("/api/v1/pair", server.pair, methods=["POST"]),
         Route("/api/v1/openapi.json", server.openapi, methods=["GET"]),
         Route("/api/v1/events", server.server_events, methods=["GET"]),
         Route("/api/v1/sessions", server.sessions, methods=["GET"]),

@@ -1,26 +1,62 @@
 """A private certificate authority, so that phones get the secure context that WebXR needs.
 
 The authority is made once and kept, with its key, in the user's configuration folder; a phone that
-installed it trusts this server from then on. The server's own certificate carries all addresses
-of this machine and is made anew at every start.
+installed it trusts this server from then on. It can vouch for private addresses, this machine's
+names and what `--host` named, for five years, and for nothing else: whoever steals its key cannot
+pass for a site of the internet. The server's own certificate (`server_certificate.py`) is made anew
+at every start.
 """
-
-# trustme is typed only in part.
-# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
-# pyright: reportUnknownArgumentType=false
 
 from __future__ import annotations
 
+import contextlib
+import datetime
+import fcntl
 import ipaddress
 import os
 import socket
-import ssl
-from collections.abc import Sequence
+import stat
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import trustme
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import NameOID
+
+from peaking.errors import OutputError
+from peaking.output import write_atomically
 
 AUTHORITY = "peaking-ca"
+YEARS = 5
+DAY = datetime.timedelta(days=1)
+AUTHORITY_LASTS = YEARS * 365 * DAY
+RENEWED_BEFORE_END = 60 * DAY
+"""An authority that ends sooner is replaced at the next start."""
+CLOCKS_DIFFER = DAY
+"""Certificates are valid from so long ago: a phone's clock may be late."""
+
+PRIVATE_NETWORKS = (
+    "10.0.0.0/8",
+    "172.16.0.0/12",
+    "192.168.0.0/16",
+    "127.0.0.0/8",
+    "169.254.0.0/16",
+    "fc00::/7",
+    "fe80::/10",
+    "::1/128",
+)
+PRIVATE_NAMES = ("localhost", "local")
+"""With all names that end in them: `kitchen.local` too."""
+
+INSTALL_AGAIN = "install the new one on phones and computers that had it, and remove the old one"
 
 
 def config_folder() -> Path:
@@ -29,23 +65,78 @@ def config_folder() -> Path:
     return Path(base) / "peaking"
 
 
-def authority(folder: Path) -> trustme.CA:
-    """Return the authority of a folder, made when there is none."""
+@dataclass(frozen=True)
+class Authority:
+    """A certificate authority and its key.
+
+    Attributes:
+        certificate: What phones install.
+        key: What signs.
+        remarks: Sentences that its owner has to know: that it was replaced, or could be read.
+    """
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+    remarks: tuple[str, ...] = field(default=())
+
+    def permits(self, name: str) -> bool:
+        """Return whether it can vouch for a name or an address."""
+        wanted = general_name(name)
+        return any(_lies_in(wanted, permitted) for permitted in _permitted(self.certificate))
+
+
+def open_authority(
+    folder: Path, *, hosts: Sequence[str] = (), now: datetime.datetime | None = None
+) -> Authority:
+    """Return the authority of a folder, made when there is none that can be used.
+
+    One that ends soon, vouches for more than is served, or cannot vouch for `hosts` is replaced,
+    and its `remarks` say so. A key that others could read is made private.
+
+    Args:
+        folder: Where it is kept; made with mode 0700.
+        hosts: Names or addresses that it has to vouch for, beside the private ones.
+        now: The time, with its zone; the clock's by default.
+
+    Raises:
+        OutputError: It cannot be stored.
+    """
+    now = now or datetime.datetime.now(datetime.UTC)
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
-    if certificate.is_file() and key.is_file():
-        return trustme.CA.from_pem(certificate.read_bytes(), key.read_bytes())
-    made = trustme.CA(organization_name="peaking", organization_unit_name=socket.gethostname())
-    folder.mkdir(parents=True, exist_ok=True)
-    _write_private(key, made.private_key_pem.bytes())
-    certificate.write_bytes(made.cert_pem.bytes())
-    return made
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with _locked(folder / f".{AUTHORITY}.lock"):
+            remarks = _made_private(key)
+            found, problem = _read(certificate, key, hosts, now)
+            if found is not None:
+                return Authority(found.certificate, found.key, remarks)
+            if problem is not None:
+                remarks += (f"{certificate}: {problem}. It was replaced: {INSTALL_AGAIN}.",)
+            made = _make([*hosts, *_already_permitted(certificate)], now)
+            _write_private(key, _pem_of(made.key))
+            write_atomically(certificate, made.certificate.public_bytes(Encoding.PEM))
+            return Authority(made.certificate, made.key, remarks)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: the certificate authority cannot be kept there ({error.strerror}); set "
+            "XDG_CONFIG_HOME to a folder that you may write to"
+        ) from error
 
 
-def server_context(ca: trustme.CA, names: Sequence[str]) -> ssl.SSLContext:
-    """Return what a server at these names and addresses needs."""
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    ca.issue_cert(*names).configure_cert(context)
-    return context
+def general_name(name: str) -> x509.DNSName | x509.IPAddress:
+    """Return a name or an address as certificates have it.
+
+    Raises:
+        ValueError: It is neither.
+    """
+    try:
+        return x509.IPAddress(ipaddress.ip_address(name))
+    except ValueError:
+        pass
+    try:
+        return x509.DNSName(name.lower().encode("idna").decode("ascii"))
+    except UnicodeError:
+        raise ValueError(f"need a host name or an address, got {name!r}") from None
 
 
 def lan_addresses() -> list[str]:
@@ -68,7 +159,184 @@ def lan_addresses() -> list[str]:
     return [address for address in unique if not ipaddress.ip_address(address).is_loopback]
 
 
+def machine_names() -> list[str]:
+    """Return the names of this machine that certificates can hold."""
+    own = socket.gethostname()
+    names = [own, own if own.endswith(".local") else f"{own.split('.')[0]}.local"]
+    kept: list[str] = []
+    for name in names:
+        with contextlib.suppress(ValueError):
+            general_name(name)
+            kept.append(name)
+    return kept
+
+
+def authority_key_id(authority: Authority) -> x509.AuthorityKeyIdentifier:
+    """Return how certificates name the authority that signed them."""
+    own = authority.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier)
+    return x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(own.value)
+
+
+def key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    """Return what a key is for: to sign certificates, or handshakes."""
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _make(names: Sequence[str], now: datetime.datetime) -> Authority:
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name(
+        [
+            x509.NameAttribute(NameOID.ORGANIZATION_NAME, "peaking"),
+            x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, socket.gethostname()[:64]),
+            x509.NameAttribute(NameOID.COMMON_NAME, f"peaking on {socket.gethostname()}"[:64]),
+        ]
+    )
+    permitted: list[x509.GeneralName] = [
+        *(x509.IPAddress(ipaddress.ip_network(network)) for network in PRIVATE_NETWORKS),
+        *(x509.DNSName(name) for name in PRIVATE_NAMES),
+    ]
+    for name in [*machine_names(), *names]:
+        found = general_name(name)
+        if not any(_lies_in(found, one) for one in permitted):
+            if isinstance(found, x509.IPAddress):
+                found = x509.IPAddress(ipaddress.ip_network(found.value))
+            permitted.append(found)
+    own = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(subject)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - CLOCKS_DIFFER)
+        .not_valid_after(now + AUTHORITY_LASTS)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(x509.NameConstraints(permitted, None), critical=True)
+        .add_extension(key_usage(signs_certificates=True), critical=True)
+        .add_extension(own, critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(own), critical=False
+        )
+        .sign(key, hashes.SHA256())
+    )
+    return Authority(certificate, key)
+
+
+def _read(
+    certificate: Path, key: Path, hosts: Sequence[str], now: datetime.datetime
+) -> tuple[Authority | None, str | None]:
+    """Return the authority of two files, or why it cannot be used; nothing where there is none."""
+    if not certificate.exists():
+        return None, None
+    try:
+        read = x509.load_pem_x509_certificate(certificate.read_bytes())
+        signs = load_pem_private_key(key.read_bytes(), password=None)
+    except (ValueError, TypeError, FileNotFoundError):
+        return None, "the authority or its key is damaged"
+    if not isinstance(signs, ec.EllipticCurvePrivateKey) or signs.public_key() != read.public_key():
+        return None, "the authority and its key do not belong together"
+    found = Authority(read, signs)
+    if read.not_valid_after_utc > now + AUTHORITY_LASTS + DAY:
+        return None, f"the authority was made to last longer than {YEARS} years"
+    if not _permitted(read):
+        return None, "the authority could vouch for every site of the internet"
+    if not read.not_valid_before_utc <= now <= read.not_valid_after_utc - RENEWED_BEFORE_END:
+        return None, "the authority ends soon"
+    missing = [name for name in hosts if not found.permits(name)]
+    if missing:
+        return None, f"the authority cannot vouch for {', '.join(missing)}"
+    return found, None
+
+
+def _permitted(certificate: x509.Certificate) -> list[x509.GeneralName]:
+    """Return what an authority is restricted to; nothing when it is not restricted."""
+    extensions = certificate.extensions
+    try:
+        limits = extensions.get_extension_for_class(x509.NameConstraints)
+        basic = extensions.get_extension_for_class(x509.BasicConstraints)
+    except x509.ExtensionNotFound:
+        return []
+    permitted = list(limits.value.permitted_subtrees or ())
+    both = {type(one) for one in permitted} >= {x509.DNSName, x509.IPAddress}
+    return permitted if limits.critical and both and basic.value.path_length == 0 else []
+
+
+def _already_permitted(certificate: Path) -> list[str]:
+    """Return the single hosts that the authority before vouched for: they stay served."""
+    try:
+        permitted = _permitted(x509.load_pem_x509_certificate(certificate.read_bytes()))
+    except (ValueError, OSError):
+        return []
+    names: list[str] = []
+    for one in permitted:
+        if isinstance(one, x509.DNSName):
+            names.append(one.value)
+        elif isinstance(one, x509.IPAddress):
+            network = ipaddress.ip_network(str(one.value))
+            names += [str(network.network_address)] if network.num_addresses == 1 else []
+    return names
+
+
+def _lies_in(name: x509.GeneralName, permitted: x509.GeneralName) -> bool:
+    match name, permitted:
+        case x509.DNSName(), x509.DNSName():
+            inner, outer = name.value.lower(), permitted.value.lower()
+            return inner == outer or inner.endswith("." + outer)
+        case x509.IPAddress(), x509.IPAddress():
+            address = ipaddress.ip_address(str(name.value))
+            network = ipaddress.ip_network(str(permitted.value))
+            return address.version == network.version and address in network
+        case _:
+            return False
+
+
+def _made_private(key: Path) -> tuple[str, ...]:
+    """Take from others what lets them read a key; return a remark when there was something."""
+    try:
+        mode = stat.S_IMODE(key.stat().st_mode)
+    except FileNotFoundError:
+        return ()
+    if not mode & 0o077:
+        return ()
+    key.chmod(0o600)
+    return (
+        f"{key}: other users of this computer could read the key (mode {mode:04o}). It is private "
+        "now; if you do not trust them, delete it, start again, and install the new authority.",
+    )
+
+
+def _pem_of(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+
+
 def _write_private(path: Path, data: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    """Write a file that nobody else can read, from its first byte, in one step."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(data)
+        file.flush()
+        os.fsync(descriptor)
+    partial.replace(path)
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Generator[None, None, None]:
+    """Let one process at a time make an authority."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -30,8 +30,8 @@ class Operation:
     media: str = "application/json"
     refusals: tuple[tuple[int, Any], ...] = ()
     """Problems with more fields than the usual ones, by status."""
-    token: Literal["token", "console"] = "token"
-    """Whose token is needed."""
+    needs: Literal["nothing", "device", "console"] = "device"
+    """Whose credential is needed."""
 
 
 _SESSION = "/api/v1/sessions/{session}"
@@ -40,7 +40,10 @@ _FRAME = "/api/v1/recordings/{recording}/frames/{index}"
 
 OPERATIONS = (
     Operation("get", "/api/v1/server", "What this server is", wire.ServerInfo),
-    Operation("post", "/api/v1/pair", "Trade the token for a cookie", status=204),
+    Operation("post", "/api/v1/pair", "Pair a device", wire.Paired, wire.Pairing, needs="nothing"),
+    Operation("get", "/api/v1/devices", "The paired devices", wire.PairedDevices),
+    Operation("post", "/api/v1/devices/codes", "A code for another device", wire.PairingLink),
+    Operation("delete", "/api/v1/devices/{device}", "Revoke a device", status=204),
     Operation("get", "/api/v1/openapi.json", "This document", dict[str, Any]),
     Operation(
         "get", "/api/v1/events", "News of all sessions", wire.ServerEvent, media="text/event-stream"
@@ -126,10 +129,10 @@ def document(operations: Sequence[Operation] = OPERATIONS) -> dict[str, Any]:
             "schemas": components,
             "securitySchemes": {
                 name: {"type": "http", "scheme": "bearer"}
-                for name in sorted({operation.token for operation in operations})
+                for name in sorted({operation.needs for operation in operations} - {"nothing"})
             },
         },
-        "security": [{"token": []}],
+        "security": [{"device": []}],
     }
 
 
@@ -158,8 +161,10 @@ def _operation(operation: Operation, schema_of: dict[int, Any]) -> dict[str, Any
             "description": "Refused",
             "content": _content(refused, PROBLEM_JSON, schema_of),
         }
-    if operation.token != "token":
-        described["security"] = [{operation.token: []}]
+    if operation.needs == "nothing":
+        described["security"] = []
+    elif operation.needs != "device":
+        described["security"] = [{operation.needs: []}]
     if operation.status == 201:
         described["responses"]["200"] = answer
     if operation.body is not None:

@@ -32,6 +32,7 @@ def client_pages(client_dir: Path) -> list[BaseRoute]:
         Route("/", page(client_dir / "index.html")),
         Route("/index.html", _to_the_root),
         Route("/check", page(client_dir / "check.html")),
+        Route("/devices", page(client_dir / "devices.html")),
         Route("/sessions", page(client_dir / "sessions.html")),
         Mount("/", StaticFiles(directory=client_dir)),
     ]

@@ -25,6 +25,9 @@ RECEIVED = (
     wire.ServerEvent,
     wire.PeakedSamples,
     wire.RecordingIndex,
+    wire.Paired,
+    wire.PairedDevices,
+    wire.PairingLink,
     wire.Problem,
 )
 """What clients hear, and so check."""

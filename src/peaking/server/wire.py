@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from peaking import options as method
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Goes up when an older client would misunderstand; both sides refuse another version."""
 
 Id = Annotated[str, Meta(pattern=r"^[0-9a-z][0-9a-z-]{7,63}$(?!\n)")]
@@ -314,6 +314,68 @@ class ServerInfo(Struct, frozen=True):
     warm: bool
     """False while the server is still compiling: the first MPI then takes half a minute."""
     max_upload_bytes: int
+
+
+# Pairing
+
+
+class Pairing(Struct, frozen=True):
+    """POST /api/v1/pair: a device shows the code of a link, and gets a credential of its own."""
+
+    protocol: int
+    code: Annotated[str, Meta(min_length=1, max_length=200)]
+    """What follows `#code=` in the link, or the server's fixed token."""
+    device: Id
+    """Made by the device, once; the same code from the same device gets the same answer."""
+    name: Annotated[str, Meta(max_length=400)] = ""
+    """What the device calls itself, for the list of devices."""
+    cookie: bool = False
+    """For browsers: the credential comes as a cookie, which no script can read."""
+
+
+Role = Literal["device", "participant", "console"]
+
+
+class Paired(Struct, frozen=True):
+    """The answer: the device may now use the server."""
+
+    device: str
+    """Its id in the list of devices."""
+    role: Role
+    credential: str | None
+    """To be sent as `Authorization: Bearer …`; null when it came as a cookie."""
+
+
+class PairedDevice(Struct, frozen=True):
+    """One device that may use the server."""
+
+    id: str
+    name: str
+    role: Role
+    participants: list[str]
+    """Of a study: whose parts it may do."""
+    paired_s: float
+    seen_s: float
+    this: bool
+    """It is the device that asks."""
+
+
+class PairedDevices(Struct, frozen=True):
+    """GET /api/v1/devices, the one seen last first."""
+
+    devices: list[PairedDevice]
+    open: bool
+    """The server serves its own machine only, and lets every program there in."""
+
+
+class PairingLink(Struct, frozen=True):
+    """POST /api/v1/devices/codes: a new code, which pairs one device within ten minutes."""
+
+    links: list[str]
+    """One for each address of the server, the likeliest first."""
+    qr_svg: str
+    """The first of them as a QR code, for an image."""
+    until_s: float
 
 
 class RecordedFrame(Struct, frozen=True):

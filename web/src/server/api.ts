@@ -1,15 +1,18 @@
 /**
- * The server's addresses, typed: docs/protocol.md. A browser that was paired carries a cookie, so
- * nothing here knows the token after `pair`.
+ * The server's addresses, typed: docs/protocol.md. A browser that was paired carries a cookie that
+ * no script can read, so nothing here knows a secret after `pair`.
  */
 
 import { integer, list, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
 import {
-  captureSchema, peakedSamplesSchema, problemSchema, PROTOCOL, recordingIndexSchema,
-  serverInfoSchema, sessionSchema, sessionSummarySchema, type Capture, type CaptureChange, type NewSession,
-  type PeakedSample, type PeakedSamples, type RecordingIndex, type ServerInfo, type Session,
+  captureSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
+  problemSchema, PROTOCOL, recordingIndexSchema, serverInfoSchema, sessionSchema,
+  sessionSummarySchema, type Capture, type CaptureChange, type NewSession, type Paired,
+  type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
+  type RecordingIndex, type ServerInfo, type Session,
   type SessionChange, type SessionSummary,
 } from '../wire';
+import { thisDevice, type ThisDevice } from './this_device';
 
 /** The server refused, or did not answer (`status` 0). `problem` is a sentence for people. */
 export class ApiError extends Error {
@@ -90,33 +93,49 @@ export class Api {
     return parsed(serverInfoSchema, text);
   }
 
-  /** @param path Of what is paired with; the study's console has a token of its own. */
-  async pair(token: string, path = '/pair'): Promise<void> {
-    await this.#ask('POST', path, { headers: { Authorization: `Bearer ${token}` } });
+  /** Show a code; the same code of the same device may be shown again when no answer came. */
+  async pair(code: string, device: ThisDevice): Promise<Paired> {
+    const { id, name } = device;
+    const json: Pairing = { protocol: PROTOCOL, code, device: id, name, cookie: true };
+    return this.#json('POST', '/pair', pairedSchema, { json });
   }
 
   /**
-   * Pair with the token of the link (`#token=…`) if there is one, and take it out of the address
+   * Pair with the code of the link (`#code=…`) if there is one, and take it out of the address
    * bar as soon as the server has answered; without an answer it stays, so a reload tries again.
+   * A browser that is paired already goes on when the code is used up: the link was opened twice.
    *
-   * @returns Whether there was a token.
+   * @returns Whether it was paired now.
    */
-  async pairFromHash(
-    page: PairingPage = window, name = 'token', path = '/pair',
-  ): Promise<boolean> {
+  async pairFromHash(page: PairingPage = window, device = thisDevice()): Promise<boolean> {
     const fragment = new URLSearchParams(page.location.hash.replace(/^#/, ''));
-    const token = fragment.get(name);
-    if (token === null || token === '') return false;
-    fragment.delete(name);
+    const code = fragment.get('code');
+    if (code === null || code === '') return false;
+    fragment.delete('code');
     try {
-      await this.pair(token, path);
+      await this.pair(code, device);
     } catch (error) {
       if (error instanceof ApiError && error.status === 0) throw error;
       this.#showHash(page, fragment);
+      if (error instanceof ApiError && error.status === 401 && await this.#isPaired()) return false;
       throw error;
     }
     this.#showHash(page, fragment);
     return true;
+  }
+
+  devices(): Promise<PairedDevices> {
+    return this.#json('GET', '/devices', pairedDevicesSchema);
+  }
+
+  /** A new link and QR code, for one more device. */
+  pairingLink(path = '/devices/codes'): Promise<PairingLink> {
+    return this.#json('POST', path, pairingLinkSchema);
+  }
+
+  /** May be repeated. */
+  async revoke(deviceId: string): Promise<void> {
+    await this.#ask('DELETE', `/devices/${encodeURIComponent(deviceId)}`, {});
   }
 
   /** Ask for JSON at an address of an extension. */
@@ -243,6 +262,10 @@ export class Api {
     return `${this.base}/api/v1${path}`;
   }
 
+  #isPaired(): Promise<boolean> {
+    return this.#ask('GET', '/server', {}).then(() => true, () => false);
+  }
+
   #showHash(page: PairingPage, fragment: URLSearchParams): void {
     const rest = fragment.toString();
     const { pathname, search } = page.location;
@@ -363,6 +386,7 @@ function sentenceOf(status: number): string {
   switch (status) {
     case 401: return 'This browser is not paired with the server. Open the link or scan the QR '
       + 'code that the server shows.';
+    case 429: return 'The server asks to wait a moment.';
     case 404: return 'The server does not have this page or file.';
     case 413: return 'The photo is too large for the server.';
     case 507: return "The server's disk is full.";

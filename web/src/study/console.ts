@@ -19,12 +19,20 @@ const api = new Api();
 const orders = new Orders({ onSilence: () => say(SILENT) });
 let state: ConsoleState | null = null;
 let warm = true;
-/** Made once: a code that is fetched anew with every news would flicker. */
-const codes = new Map<string, HTMLImageElement>();
+/** Of the phones: each pairs one phone within ten minutes, so they are asked for anew in time. */
+const codes = new Map<string, PhoneCode>();
+const NEW_CODE_EVERY_MS = 5 * 60_000;
+
+interface PhoneCode {
+  readonly asked_ms: number;
+  /** It has been used when this changes. */
+  readonly on_phone: boolean;
+  readonly image: HTMLImageElement;
+  links: readonly string[];
+}
 
 async function main(): Promise<void> {
   await api.pairFromHash();
-  await api.pairFromHash(window, 'console', `${CONSOLE}/pair`);
   window.addEventListener('hashchange', draw);
   setInterval(tick, TICK_MS);
   void waitUntilWarm();
@@ -34,8 +42,9 @@ async function main(): Promise<void> {
     onEvent: (news) => { state = news; draw(); },
     onConnection: (connection, refusal) => {
       document.body.dataset['connection'] = connection;
+      if (connection === 'online') codes.clear(); // a server that was started anew knows none
       if (refusal === null) return;
-      elementOf('detail').replaceChildren(make('p', {}, refusal.status === 401
+      elementOf('detail').replaceChildren(make('p', {}, refusal.status === 401 || refusal.status === 403
         ? 'This browser has no access to the console. Open the link that the server printed.'
         : refusal.problem));
     },
@@ -177,17 +186,35 @@ function trialCard(trial: TrialLine, one: ParticipantLine): HTMLElement {
 }
 
 function phoneCard(from: ConsoleState, one: ParticipantLine, open: boolean): HTMLElement {
-  const links = from.phone_links.map((link) => link.replace('{participant}', one.participant));
-  const code = codes.get(one.participant) ?? make('img', {
-    src: `./api/v1${CONSOLE}/participants/${one.participant}/qr.svg`, width: 168, height: 168,
-    alt: `QR code of the link for ${one.participant}`,
-  });
-  codes.set(one.participant, code);
+  const bare = from.phone_links.map((link) => link.replace('{participant}', one.participant));
+  const code = open ? codeOf(one) : null;
   const card = make('details', { className: 'card phone-link' },
-    make('summary', {}, `Phone of ${one.participant}`), code,
-    ...links.map((link) => make('p', {}, make('a', { href: link, target: '_blank' }, bare(link)))));
+    make('summary', {}, `Phone of ${one.participant}`),
+    ...(code === null ? [] : [code.image]),
+    ...bare.map((link, n) => make('p', {},
+      make('a', { href: code?.links[n] ?? link, target: '_blank' }, link))));
   card.open = open;
+  card.ontoggle = () => { if (card.open && code === null) draw(); };
   return card;
+}
+
+function codeOf(one: ParticipantLine): PhoneCode {
+  const kept = codes.get(one.participant);
+  if (kept !== undefined && kept.on_phone === one.on_phone
+    && Date.now() - kept.asked_ms < NEW_CODE_EVERY_MS) return kept;
+  const image = kept?.image ?? make('img', {
+    width: 168, height: 168, alt: `QR code of the link for ${one.participant}`,
+  });
+  const code: PhoneCode = {
+    asked_ms: Date.now(), on_phone: one.on_phone, image, links: kept?.links ?? [],
+  };
+  codes.set(one.participant, code);
+  api.pairingLink(`${CONSOLE}${pathOf(one)}/codes`).then(({ links, qr_svg }) => {
+    code.links = links;
+    image.src = `data:image/svg+xml,${encodeURIComponent(qr_svg)}`;
+    draw();
+  }, () => codes.delete(one.participant));
+  return code;
 }
 
 function stepsOf(one: ParticipantLine): HTMLElement[] {
@@ -271,8 +298,12 @@ function stepPath(one: ParticipantLine, step: StepLine): string {
   return `${pathOf(one)}/steps/${encodeURIComponent(step.key)}`;
 }
 
-/** Clocks run on; nothing else changes without news. */
+/** Clocks run on, and codes end; nothing else changes without news. */
 function tick(): void {
+  const one = state === null ? null : chosen(state);
+  if (one !== null && document.querySelector<HTMLDetailsElement>('.phone-link')?.open === true) {
+    codeOf(one);
+  }
   for (const clock of document.querySelectorAll<HTMLElement>('[data-since]')) {
     clock.textContent = seconds(Math.max(0, Date.now() / 1000 - Number(clock.dataset['since'])));
   }
@@ -281,11 +312,6 @@ function tick(): void {
 function seconds(s: number): string {
   const whole = Math.round(s);
   return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
-}
-
-/** Without its secret, which need not be read by those who look over the shoulder. */
-function bare(link: string): string {
-  return link.split('#')[0] ?? link;
 }
 
 function elementOf(id: string): HTMLElement {

@@ -3,6 +3,7 @@ import { expect, test } from 'vitest';
 import { Api, ApiError } from '../../src/server/api';
 import { EventStreamReader } from '../../src/server/event_stream';
 import { sessionEvents, type Connection } from '../../src/server/events';
+import { deviceName } from '../../src/server/this_device';
 import { PROTOCOL, type SessionEvent, type SessionSummary } from '../../src/wire';
 import { problem } from '../capture/model_server';
 import { ModelClock, settle } from '../capture/support';
@@ -31,26 +32,46 @@ const page = (hash: string) => {
   };
 };
 
-test('the token of the link pairs once and leaves the address bar', async () => {
-  const [api, asked] = apiThat(() => new Response(null, { status: 204 }));
-  const shown = page('#token=se%2Bcret&view=2');
-  expect(await api.pairFromHash(shown)).toBe(true);
+const device = { id: '0f0f0f0f-0000-4000-8000-000000000001', name: 'Chrome on Pixel 9' };
+
+test('the code of the link pairs once and leaves the address bar', async () => {
+  const [api, asked] = apiThat(() => json({ device: 'd', role: 'device', credential: null }));
+  const shown = page('#code=se%2Bcret&view=2');
+  expect(await api.pairFromHash(shown, device)).toBe(true);
   expect(asked[0]?.url).toBe('http://server/api/v1/pair');
-  expect(asked[0]?.init).toMatchObject(
-    { method: 'POST', headers: { Authorization: 'Bearer se+cret' } });
+  expect(asked[0]?.init.method).toBe('POST');
+  expect(JSON.parse(String(asked[0]?.init.body))).toEqual({
+    protocol: PROTOCOL, code: 'se+cret', device: device.id, name: device.name, cookie: true,
+  });
   expect(shown.shown).toEqual(['/?source=virtual#view=2']);
-  expect(await api.pairFromHash(page(''))).toBe(false);
+  expect(await api.pairFromHash(page(''), device)).toBe(false);
   expect(asked).toHaveLength(1);
 });
 
-test('a wrong token leaves the address bar too; without an answer it stays', async () => {
+test('a browser that is paired already goes on with a link that is used up', async () => {
+  const [api] = apiThat(({ url }) => url.endsWith('/pair') ? problem(401, 'used') : json({}));
+  const shown = page('#code=x');
+  expect(await api.pairFromHash(shown, device)).toBe(false);
+  expect(shown.shown).toEqual(['/?source=virtual']);
+});
+
+test('a device is called what its owner calls it', () => {
+  const pixel = 'Mozilla/5.0 (Linux; Android 15; Pixel 9) AppleWebKit/537.36 Chrome/147.0 Mobile';
+  expect(deviceName(pixel)).toBe('Chrome on Pixel 9');
+  expect(deviceName(pixel.replace('Pixel 9', 'K'))).toBe('Chrome on an Android phone');
+  expect(deviceName('Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Firefox/140.0'))
+    .toBe('Firefox on a Linux computer');
+  expect(deviceName('')).toBe('A browser on another device');
+});
+
+test('a wrong code leaves the address bar too; without an answer it stays', async () => {
   const [refusing] = apiThat(() => new Response('', { status: 401 }));
-  const shown = page('#token=x');
-  await expect(refusing.pairFromHash(shown)).rejects.toMatchObject({ status: 401 });
+  const shown = page('#code=x');
+  await expect(refusing.pairFromHash(shown, device)).rejects.toMatchObject({ status: 401 });
   expect(shown.shown).toEqual(['/?source=virtual']);
   const [silent] = apiThat(() => { throw new TypeError('Failed to fetch'); });
-  const kept = page('#token=x');
-  await expect(silent.pairFromHash(kept)).rejects.toMatchObject({ status: 0 });
+  const kept = page('#code=x');
+  await expect(silent.pairFromHash(kept, device)).rejects.toMatchObject({ status: 0 });
   expect(kept.shown).toEqual([]);
 });
 

@@ -1,21 +1,19 @@
 """The HTTP application of a study: the capture server, and what the study's pages ask for.
 
-Addresses below /api/v1/study are the participants' (any paired device); those below
-/api/v1/study/console need the console's own token.
+Addresses below /api/v1/study are the participants', each for the phones that were paired for that
+participant; those below /api/v1/study/console are the console's.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import io
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
-import segno
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -25,11 +23,14 @@ from starlette.routing import Mount, Route
 
 from peaking.errors import PeakingError
 from peaking.server.auth import Guard
+from peaking.server.device_routes import pairing_link
+from peaking.server.devices import Devices
 from peaking.server.events import Hub
 from peaking.server.fair_room import Busy
 from peaking.server.open_session import SessionGone
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
+from peaking.server.pairing_codes import Grant
 from peaking.server.requests import device_of, id_in_path, read_json
 from peaking.server.responses import (
     busy,
@@ -48,13 +49,10 @@ from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload
 from peaking.study.records import StepKey
 
-CONSOLE_COOKIE = "peaking_console"
 CONSOLE = ""
 """The console's topic; every other topic is a participant."""
 CONSOLE_PERIOD_S = 0.1
 """The console is told at most so often, however many phones tell something."""
-
-COOKIE_AGE_S = 30 * 24 * 3600
 
 T = TypeVar("T")
 
@@ -64,19 +62,14 @@ class StudyServerOptions:
     """Who may do what, and where phones find it.
 
     Attributes:
-        token: What phones need; None lets loopback in without one.
-        console_token: What the console needs.
+        devices: Those that are paired; None lets in whoever is on this machine.
         client_dir: The built web client.
-        phone_links: Begin of the links for phones, the best first; the participant and the token
-            are appended.
-        secure: Served over https.
+        phone_links: Begin of the links for phones, the best first; the participant is appended.
     """
 
-    token: str | None
-    console_token: str | None
+    devices: Devices | None
     client_dir: Path
     phone_links: list[str]
-    secure: bool = False
 
 
 class _Handlers:
@@ -142,20 +135,6 @@ class _Handlers:
 
     # The console
 
-    async def pair(self, _: Request) -> Response:
-        answer = Response(status_code=204)
-        if self.config.console_token is not None:
-            answer.set_cookie(
-                CONSOLE_COOKIE,
-                self.config.console_token,
-                max_age=COOKIE_AGE_S,
-                path="/",
-                secure=self.config.secure,
-                httponly=True,
-                samesite="strict",
-            )
-        return answer
-
     async def console_events(self, request: Request) -> Response:
         stream = self.hub.stream(CONSOLE, self._console, live=True, device=device_of(request))
         return event_stream(request, stream)
@@ -189,11 +168,14 @@ class _Handlers:
         said = await _json(request, wire.Reason)
         return await self._do(request, lambda who: who.exclude(said.text))
 
-    async def qr(self, request: Request) -> Response:
-        participant = await self._participant(request)
-        link = f"{self.config.phone_links[0]}{participant.pseudonym}{self._hash()}"
-        picture = await run_in_threadpool(_qr_svg, link)
-        return Response(picture, media_type="image/svg+xml")
+    async def code(self, request: Request) -> Response:
+        """Make a code that pairs a phone for one participant."""
+        who = (await self._participant(request)).pseudonym
+        pages = [link + who for link in self.config.phone_links]
+        grant = Grant("participant", who)
+        return json_response(
+            await run_in_threadpool(pairing_link, self.config.devices, pages, grant)
+        )
 
     # Inside
 
@@ -222,7 +204,7 @@ class _Handlers:
 
     def _console(self) -> wire.ConsoleState:
         """Return what the console shows (in a thread)."""
-        links = [f"{link}{{participant}}{self._hash()}" for link in self.config.phone_links]
+        links = [f"{link}{{participant}}" for link in self.config.phone_links]
         return self._view.state(links, on_phone=self.hub.is_live)
 
     def _tell_console(self) -> None:
@@ -235,9 +217,6 @@ class _Handlers:
         self._telling = None
         state = await run_in_threadpool(self._console)
         self.hub.send(CONSOLE, state, replaces=True)
-
-    def _hash(self) -> str:
-        return "" if self.config.token is None else f"#token={self.config.token}"
 
 
 def create_study_app(
@@ -263,7 +242,7 @@ def create_study_app(
         routes=[
             Route("/study", page(config.client_dir / "study.html")),
             Route("/participant", page(config.client_dir / "participant.html")),
-            Mount("/api/v1/study/console", app=_console_app(handlers, config)),
+            Mount("/api/v1/study/console", app=_console_app(handlers)),
             Route("/api/v1/openapi.json", handlers.openapi, methods=["GET"]),
             *_participant_routes(handlers),
             Mount("/", app=capture),
@@ -271,7 +250,7 @@ def create_study_app(
         exception_handlers=_refusals(study.folder),
         lifespan=lifespan,
     )
-    app.add_middleware(Guard, token=config.token)
+    app.add_middleware(Guard, devices=config.devices)
     return app
 
 
@@ -290,12 +269,11 @@ def _participant_routes(handlers: _Handlers) -> list[Route]:
     ]
 
 
-def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
+def _console_app(handlers: _Handlers) -> Starlette:
     participant = "/participants/{participant}"
     step = participant + "/steps/{step}"
-    app = Starlette(
+    return Starlette(
         routes=[
-            Route("/pair", handlers.pair, methods=["POST"]),
             Route("/events", handlers.console_events, methods=["GET"]),
             Route("/participants/{new}", handlers.add, methods=["PUT"]),
             Route(step + "/started", handlers.start, methods=["PUT"]),
@@ -303,12 +281,10 @@ def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
             Route(step + "/repetitions/{repetition}", handlers.repeat, methods=["PUT"]),
             Route(participant + "/notes/{note}", handlers.note, methods=["PUT"]),
             Route(participant + "/excluded", handlers.exclude, methods=["PUT"]),
-            Route(participant + "/qr.svg", handlers.qr, methods=["GET"]),
+            Route(participant + "/codes", handlers.code, methods=["POST"]),
         ],
         exception_handlers=_refusals(handlers.study.folder),
     )
-    app.add_middleware(Guard, token=config.console_token, cookie=CONSOLE_COOKIE)
-    return app
 
 
 def _refusals(folder: Path) -> dict[Any, Any]:
@@ -345,14 +321,6 @@ def _refusals(folder: Path) -> dict[Any, Any]:
                 return problem(500, sentence)
 
     return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
-
-
-def _qr_svg(link: str) -> bytes:
-    picture = io.BytesIO()
-    segno.make(link, error="m").save(
-        picture, kind="svg", scale=5, border=3, dark="#0d0f12", light="#ffffff", xmldecl=False
-    )
-    return picture.getvalue()
 
 
 def _step(request: Request) -> str:

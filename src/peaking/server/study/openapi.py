@@ -6,6 +6,7 @@ from typing import Any
 
 from peaking.server.openapi import Operation
 from peaking.server.study import wire
+from peaking.server.wire import PairingLink
 
 _PARTICIPANT = "/api/v1/study/participants/{participant}"
 _STEP = _PARTICIPANT + "/steps/{step}"
@@ -19,7 +20,7 @@ def _participant(method: str, path: str, summary: str, body: Any = None, **more:
 
 
 def _console(path: str, summary: str, body: Any = None) -> Operation:
-    return Operation("put", path, summary, wire.ParticipantState, body, token="console")
+    return Operation("put", path, summary, wire.ParticipantState, body, needs="console")
 
 
 STUDY_OPERATIONS = (
@@ -47,15 +48,12 @@ STUDY_OPERATIONS = (
     _participant("put", _STEP + "/session", "Name a step's capture session", wire.SessionBegun),
     _participant("put", _STEP + "/finished", "End a part"),
     Operation(
-        "post", _CONSOLE + "/pair", "Trade its token for a cookie", status=204, token="console"
-    ),
-    Operation(
         "get",
         _CONSOLE + "/events",
         "News for the console",
         wire.ConsoleState,
         media="text/event-stream",
-        token="console",
+        needs="console",
     ),
     Operation(
         "put",
@@ -63,7 +61,7 @@ STUDY_OPERATIONS = (
         "Add a participant",
         wire.NewParticipant,
         status=201,
-        token="console",
+        needs="console",
     ),
     _console(_THEIR_STEP + "/started", "Start a part"),
     _console(_THEIR_STEP + "/finished", "Stop a part"),
@@ -71,11 +69,10 @@ STUDY_OPERATIONS = (
     _console(_THEIR + "/notes/{note}", "Add a note", wire.Reason),
     _console(_THEIR + "/excluded", "Exclude from the analysis", wire.Reason),
     Operation(
-        "get",
-        _THEIR + "/qr.svg",
-        "QR code of the phone's link",
-        bytes,
-        media="image/svg+xml",
-        token="console",
+        "post",
+        _THEIR + "/codes",
+        "A code that pairs a phone for a participant",
+        PairingLink,
+        needs="console",
     ),
 )
