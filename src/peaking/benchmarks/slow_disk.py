@@ -29,9 +29,9 @@ def begin(lateness: str) -> None:
     os.fsync = slowly
     start = serving.Server.startup
 
-    async def watched(server: serving.Server, sockets: list[socket.socket] | None = None) -> None:
-        await start(server, sockets)
-        server.watching = asyncio.create_task(_watch(Path(lateness)))  # type: ignore[attr-defined]
+    async def watched(self: serving.Server, sockets: list[socket.socket] | None = None) -> None:
+        await start(self, sockets)
+        self.watching = asyncio.create_task(_watch(Path(lateness)))  # type: ignore[attr-defined]
 
     serving.Server.startup = watched
 
