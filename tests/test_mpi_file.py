@@ -506,9 +506,28 @@ def test_bits_behind_the_last_place() -> None:
 
 def test_places_beyond_any_memory() -> None:
     depths_m = np.linspace(9, 1, 1000).tolist()
-    data = file_by_hand(b"", width_px=16384, height_px=16384, plane_depths_m=depths_m)
+    data = file_by_hand(b"", width_px=4096, height_px=4096, plane_depths_m=depths_m)
     with pytest.raises(MpiFileError, match="places of tiles"):
         decode(data)
+
+
+@pytest.mark.parametrize("size_px", [(16384, 16384), (16384, 1025), (4097, 4096)])
+def test_pictures_beyond_any_memory(size_px: tuple[int, int]) -> None:
+    """What renders at the camera's size would take 17 bytes a pixel, of a file of 37 kB."""
+    width, height = size_px
+    places = -(-(width + 1) // 15) * -(-(height + 1) // 15)
+    depths = {"plane_depths_m": [1.0], "num_tiles": 0, "width_px": width, "height_px": height}
+    data = file_by_hand(b"", occupancy=bytes(-(-places // 8)), **depths)
+    with pytest.raises(MpiFileError, match="at most 16777216 pixels"):
+        decode(data)
+
+
+def test_large_pictures_are_read() -> None:
+    """8 megapixels, ten times the size of a phone's screen."""
+    places = -(-(4096 + 1) // 15) * -(-(2048 + 1) // 15)
+    depths = {"plane_depths_m": [1.0], "num_tiles": 0, "width_px": 4096, "height_px": 2048}
+    data = file_by_hand(b"", occupancy=bytes(-(-places // 8)), **depths)
+    assert decode(data).camera.pinhole.size_px == (4096, 2048)
 
 
 def test_frames_that_are_refused() -> None:

@@ -58,5 +58,5 @@ MAX_POINTS_BYTES = 2**30
 MAX_SPLAT_BYTES = 2**32
 """Of 3D Gaussians (.ply): 17 million."""
 
-MAX_CHECKPOINT_BYTES = 2**32
+MAX_CHECKPOINT_BYTES = 2**30
 """Of a network's checkpoint, unpacked."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import subprocess
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from adampi_checkpoints import write_checkpoint
 from peaking.cli import main
 from peaking.errors import BackendUnavailable, CheckpointError, PeakingError
 from peaking.generators import Generator
+from peaking.generators.adampi import checkpoint as checkpoint_module
 from peaking.generators.adampi.checkpoint import read_checkpoint
 from peaking.generators.adampi.generator import AdaMpi
 from peaking.generators.adampi.inputs import inputs_of, sharp_edges
@@ -166,6 +168,19 @@ def test_truncated_files_are_refused(tmp_path: Path, kept: float, zipped: bool) 
     whole = path.read_bytes()
     path.write_bytes(whole[: kept if isinstance(kept, int) else int(kept * len(whole))])
     with pytest.raises(CheckpointError, match=r"damaged|no dictionary"):
+        read_checkpoint(path)
+
+
+def test_a_file_that_unpacks_to_too_much_is_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "bomb.pth"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("bomb/data.pkl", bytes(2_000_000))
+    assert path.stat().st_size < 10_000
+    monkeypatch.setattr(checkpoint_module, "MAX_CHECKPOINT_BYTES", 1_000_000)
+    monkeypatch.setattr(torch, "load", None)
+    with pytest.raises(CheckpointError, match="when it is unpacked"):
         read_checkpoint(path)
 
 

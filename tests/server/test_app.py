@@ -400,3 +400,31 @@ def test_the_four_endings_of_a_photo(client: TestClient) -> None:
         client.patch(SESSION, json={"deleted": False}),
     ):
         assert (answer.status_code, answer.json()["type"]) == (410, "urn:peaking:problem:erased")
+
+
+def test_what_was_deleted_long_ago_is_erased_while_the_server_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("peaking.server.app.ERASED_EVERY_S", 0.01)
+    monkeypatch.setattr("peaking.server.sessions.RESTORABLE_S", -1.0)
+    with client_of(tmp_path) as client:
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
+        client.patch(SESSION, json={"deleted": True})
+        while list(tmp_path.rglob("*.jpg")):
+            time.sleep(0.01)
+        assert client.get(SESSION).json()["type"] == "urn:peaking:problem:erased"
+
+
+def test_browsers_ask_each_time_for_what_may_be_taken_back(client: TestClient) -> None:
+    client.put(capture_path(1), content=upload(1))
+    for what in ("photo", "thumbnail"):
+        path = f"{capture_path(1)}/{what}"
+        first = client.get(path)
+        assert first.headers["cache-control"] == "private, no-cache"
+        asked = {"If-None-Match": first.headers["etag"]}
+        again = client.get(path, headers=asked)
+        assert (again.status_code, again.content) == (304, b"")
+    client.delete(capture_path(1))
+    for what in ("photo", "thumbnail"):
+        assert client.get(f"{capture_path(1)}/{what}").status_code == 404

@@ -98,7 +98,11 @@ def test_whatever_is_garbled_the_rest_is_served(
             for capture in captures:
                 for address in ("photo", "thumbnail", "mpi"):
                     answer = client.get(f"{path}/captures/{capture['id']}/{address}")
-                    assert answer.status_code in (200, 404, 422)
+                    assert answer.status_code in (200, 404) or (
+                        victim.parent.name == "images"
+                        and answer.status_code == 500
+                        and "Something went wrong" not in answer.json()["detail"]
+                    )
                     assert answer.content != photo(3)
             again = client.put(f"{path}/captures/{capture_id(7)}", content=upload(7))
             assert again.status_code == 201

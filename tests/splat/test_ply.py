@@ -65,6 +65,13 @@ def test_a_file_of_degree_1_as_others_write_it(tmp_path: Path) -> None:
         (b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nend_header\n", "lacks x"),
         (b"ply\nformat ascii 1.0\nend_header\n", "not a binary"),
         (b"ply\nend_header\n", "not a binary"),
+        (b"plyend_header\n", "not a binary"),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex "
+            + b"9" * 5000
+            + b"\nend_header\n",
+            "Gaussians",
+        ),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:

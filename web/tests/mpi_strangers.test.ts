@@ -65,6 +65,23 @@ test.each(HEADERS)('refused: %s', (_, change) => {
   expect(() => parseMpi(changed(change))).toThrow(MpiFileError);
 });
 
+test.each([
+  [16384, 16384, 1, /pixels/],
+  [16384, 1025, 1, /pixels/],
+  [4096, 4096, 1024, /places/],
+])('refused: %d x %d pixels in %d planes', (width, height, planes, says) => {
+  const file = changed((parts) => {
+    const places = planes * Math.ceil((width + 1) / 15) * Math.ceil((height + 1) / 15);
+    parts.occupancy = new Uint8Array(Math.min(Math.ceil(places / 8), 2 ** 22));
+    parts.payload = new Uint8Array(0);
+    const depths = Array.from({ length: planes }, (__, i) => planes - i);
+    Object.assign(parts.header, {
+      width_px: width, height_px: height, plane_depths_m: depths, num_tiles: 0,
+    });
+  });
+  expect(() => parseMpi(file)).toThrow(says);
+});
+
 test('refused: null as the header', () => {
   expect(() => parseMpi(fileOf(partsOf('desk.lossless.mpi'), 'null'))).toThrow(MpiFileError);
 });

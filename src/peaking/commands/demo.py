@@ -38,6 +38,8 @@ class Demo:
     """Serve also files that links lead to from outside the recording."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
+    keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -88,6 +90,7 @@ class Demo:
                 token=None,
                 client_dir=CLIENT_DIR,
                 options=options,
+                keep_exif=self.keep_exif,
                 recordings=recordings,
             ),
             started=started,

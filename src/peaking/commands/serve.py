@@ -39,6 +39,8 @@ class Serve:
     """For a phone on a USB cable: http on localhost, through `adb reverse`."""
     token: str | None = None
     """Secret in the link, at least 8 characters; default: a new random one at each start."""
+    keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -89,6 +91,7 @@ class Serve:
                 token=token,
                 client_dir=CLIENT_DIR,
                 options=options,
+                keep_exif=self.keep_exif,
                 secure=not self.adb,
             ),
             context=context,

@@ -19,6 +19,7 @@ from jaxtyping import Int32
 
 from peaking.errors import MpiFileError
 from peaking.geometry import Camera
+from peaking.limits import MAX_MPI_BYTES
 from peaking.mpi import Mpi, tile_grid
 from peaking.mpi_file._header import MAX_HEADER_BYTES, Codec, Header
 from peaking.mpi_file._tiles import pack_texels, unpack_texels
@@ -28,7 +29,6 @@ __all__ = ["Codec", "decode", "encode", "is_current", "is_sound", "read_mpi", "w
 
 VERSION = 2
 DEFAULT_QUALITY = 90
-MAX_FILE_BYTES = 256 * 2**20
 
 _MAGIC = b"PKMPI%c\r\n"
 _FIXED_BYTES = 16
@@ -115,7 +115,7 @@ def read_mpi(path: Path) -> Mpi:
     """
     try:
         with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
+            data = file.read(MAX_MPI_BYTES + 1)
     except OSError as error:
         raise MpiFileError(
             f"{path}: cannot be read ({os.strerror(error.errno or 0)}); give an .mpi file"
@@ -154,8 +154,8 @@ def _check_frame(data: bytes) -> int:
             f"format version {start[5]}, and this program reads version {VERSION}; "
             "use the program that wrote it, or write it again"
         )
-    if len(data) > MAX_FILE_BYTES:
-        raise MpiFileError(f"need at most {MAX_FILE_BYTES} bytes, got {len(data)}")
+    if len(data) > MAX_MPI_BYTES:
+        raise MpiFileError(f"need at most {MAX_MPI_BYTES} bytes, got {len(data)}")
     if len(data) < _FIXED_BYTES:
         raise MpiFileError(f"broken off after {len(data)} bytes")
     header_bytes = int.from_bytes(data[8:12], "little")

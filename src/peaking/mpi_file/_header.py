@@ -11,17 +11,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from peaking.geometry import Cam, Pinhole, Rigid, World
+from peaking.limits import MAX_MPI_PIXELS, MAX_MPI_SIDE_PX, MAX_PLACES, MAX_PLANES, MAX_TILES
 from peaking.mpi import tile_grid
 
 Codec = Literal["jpeg", "lossless"]
 
 MAX_HEADER_BYTES = 2**20
-MAX_SIZE_PX = 16384
-MAX_PLANES = 1024
-MAX_TILES = 2**16
-"""A picture of 4096 x 4096 pixels, 64 MiB of texels."""
-MAX_PLACES = 2**25
-"""Planes x rows x columns of tiles; a table of them takes 128 MiB."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +33,10 @@ class Header:
     def check(self) -> None:
         """Raise ValueError when a value is outside what the format allows."""
         width, height = self.pinhole.size_px
-        if max(width, height) > MAX_SIZE_PX:
-            raise ValueError(f"need at most {MAX_SIZE_PX} pixels a side, got {width}x{height}")
+        if max(width, height) > MAX_MPI_SIDE_PX:
+            raise ValueError(f"need at most {MAX_MPI_SIDE_PX} pixels a side, got {width}x{height}")
+        if width * height > MAX_MPI_PIXELS:
+            raise ValueError(f"need at most {MAX_MPI_PIXELS} pixels, got {width}x{height}")
         if len(self.plane_depths_m) > MAX_PLANES:
             raise ValueError(f"need at most {MAX_PLANES} planes, got {len(self.plane_depths_m)}")
         _check_depths(self.plane_depths_m)
@@ -102,8 +99,8 @@ class Header:
         depths_m = fields.list_of("plane_depths_m", MAX_PLANES, at_least=1)
         header = Header(
             pinhole=Pinhole(
-                fields.whole("width_px", MAX_SIZE_PX),
-                fields.whole("height_px", MAX_SIZE_PX),
+                fields.whole("width_px", MAX_MPI_SIDE_PX),
+                fields.whole("height_px", MAX_MPI_SIDE_PX),
                 fields.number("fx_px"),
                 fields.number("fy_px"),
                 fields.number("cx_px"),

@@ -6,6 +6,7 @@ they are decoded in a process that may take so much memory and time and no more.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from jaxtyping import UInt8
 
 from peaking.limits import DECODER_SECONDS, MAX_PIXELS
 from peaking.pictures import png
-from peaking.pictures.jpeg import check_jpeg
+from peaking.pictures.jpeg import check_jpeg, tidied
 from peaking.pictures.too_costly import TooCostly
 
 AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
@@ -35,6 +36,9 @@ def decode_jpeg(data: bytes) -> UInt8[np.ndarray, "h w 3"]:
     try:
         return simplejpeg.decode_jpeg(data, "RGB")
     except ValueError as error:
+        for zeros in (False, True):
+            with contextlib.suppress(ValueError):
+                return simplejpeg.decode_jpeg(tidied(data, zeros=zeros), "RGB")
         raise ValueError(f"is not a sound JPEG ({error})") from error
 
 
@@ -46,7 +50,7 @@ def decode_stored(data: bytes) -> np.ndarray:
         TooCostly: It would take too much memory or time.
     """
     if not data.startswith(png.START):
-        return _decoded_elsewhere(data)
+        return decode_elsewhere(data)
     pixels = png.png_of(data, png.PIXELS)
     try:
         stored = cv2.imdecode(np.frombuffer(pixels, np.uint8), AS_STORED)
@@ -57,7 +61,13 @@ def decode_stored(data: bytes) -> np.ndarray:
     return stored
 
 
-def _decoded_elsewhere(data: bytes) -> np.ndarray:
+def decode_elsewhere(data: bytes) -> np.ndarray:
+    """Decode a picture of any kind in a process with bounded memory and time, to what is stored.
+
+    Raises:
+        ValueError: It is damaged or no picture, or needs too much memory.
+        TooCostly: It takes too long.
+    """
     environment = os.environ | {
         "OPENCV_IO_MAX_IMAGE_PIXELS": str(MAX_PIXELS),
         "OPENBLAS_NUM_THREADS": "1",

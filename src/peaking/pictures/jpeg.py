@@ -74,6 +74,38 @@ def segments(data: bytes) -> Iterator[Segment]:
     raise TooCostly(f"has more than {MAX_SEGMENTS:,} segments", remedy=_AGAIN)
 
 
+def tidied(data: bytes, *, zeros: bool) -> bytes:
+    """Return the JPEG without what decoders pass over, and strict ones complain of.
+
+    That is junk between segments, and limits of a scan that mean nothing in a baseline picture.
+
+    Args:
+        data: The JPEG.
+        zeros: Take out zeros at the end of scans too; they may be pixels.
+
+    Raises:
+        ValueError: As `segments`.
+        TooCostly: The same.
+    """
+    parts, baseline = [START], True
+    for segment in segments(data):
+        part = data[segment.start : segment.end]
+        if segment.marker in FRAMES:
+            baseline = segment.marker in (SOF0, SOF1)
+        if segment.marker == SOS:
+            scan = segment.body - 2 + int.from_bytes(data[segment.body - 2 : segment.body], "big")
+            head, pixels = data[segment.start : scan], data[scan : segment.end]
+            if baseline:
+                head = head[:-3] + b"\0\x3f\0"
+            if zeros:
+                pixels = pixels.rstrip(b"\0")
+                pixels += b"\0" * pixels.endswith(b"\xff")
+            part = head + pixels
+        if segment.marker not in _ALONE:
+            parts.append(part)
+    return b"".join(parts)
+
+
 def check_jpeg(data: bytes) -> tuple[int, int]:
     """Return width and height of a JPEG that can be decoded with bounded memory and time.
 

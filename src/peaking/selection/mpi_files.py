@@ -17,6 +17,7 @@ import numpy as np
 
 from peaking.errors import OutputError
 from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.limits import MAX_MPI_BYTES
 from peaking.mpi import Mpi
 
 
@@ -85,6 +86,8 @@ def _write(path: Path, mpi: Mpi) -> None:
 def _read(path: Path) -> Mpi | None:
     try:
         with path.open("rb") as file, np.load(file) as kept:
+            if sum(entry.file_size for entry in kept.zip.infolist()) > MAX_MPI_BYTES:
+                return None
             pinhole = Pinhole(*kept["size_px"].tolist(), *kept["intrinsics_px"].tolist())
             return Mpi(
                 Camera(pinhole, Rigid(kept["rotation"], kept["translation_m"])),
@@ -93,5 +96,5 @@ def _read(path: Path) -> Mpi | None:
                 kept["texels"],
                 str(kept["generator"]),
             )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile):
         return None

@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 import logging
 import mimetypes
-import os
 from collections.abc import AsyncGenerator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,12 +19,14 @@ from starlette.applications import Starlette
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
 from peaking.errors import PeakingError
+from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
+from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import COOKIE, Guard
@@ -54,15 +55,18 @@ from peaking.server.responses import (
     event_stream,
     json_response,
     problem,
+    while_it_lasts,
 )
 from peaking.server.selection import select_captures
 from peaking.server.sessions import SessionStore
 from peaking.server.thumbnails import thumbnail
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 MAX_SELECTIONS = 8
 """Questions for a selection that may wait; one device alone may ask half of them."""
 
+ERASED_EVERY_S = 3600.0
 _log = logging.getLogger("peaking.server")
 
 
@@ -77,6 +81,7 @@ class ServerOptions:
         recordings: What can be played as the camera, by name.
         max_upload_bytes: Larger uploads are refused.
         secure: Served over https.
+        keep_exif: Photos keep their metadata: where, when and with what they were taken.
     """
 
     token: str | None
@@ -85,6 +90,7 @@ class ServerOptions:
     recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
     max_upload_bytes: int = 64_000_000
     secure: bool = False
+    keep_exif: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -112,9 +118,20 @@ class _Handlers:
         self.hub = hub
         self._selecting = asyncio.Lock()
         self._selections = FairRoom(MAX_SELECTIONS)
+        self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
+
+    async def erase_expired(self) -> None:
+        """Erase, as long as this runs, what was deleted too long ago to be restored."""
+        while True:
+            await asyncio.sleep(ERASED_EVERY_S)
+            try:
+                if await run_in_threadpool(self.store.erase_expired):
+                    self.hub.send(SERVER, await run_in_threadpool(self._list))
+            except OSError:  # a full disk: tried again
+                _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
@@ -242,7 +259,7 @@ class _Handlers:
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files)),
+            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
             media_type="application/zip",
             headers=headers,
         )
@@ -321,13 +338,15 @@ class _Handlers:
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        return await _file(session.photo_path(capture.id), "image/jpeg")
+        data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        data = await run_in_threadpool(thumbnail, session, capture.id)
-        return Response(data, media_type="image/jpeg", headers=LASTING)
+        async with self._decoding:
+            data = await run_in_threadpool(thumbnail, session, capture.id)
+        return while_it_lasts(request, data, media_type="image/jpeg")
 
     # Inside
 
@@ -335,7 +354,8 @@ class _Handlers:
         self, session: OpenSession, capture_id: str, body: bytes, place: Share
     ) -> tuple[wire.Capture, bool]:
         """Store an upload and have its MPI made (in a thread)."""
-        capture, created = session.store_capture(capture_id, parse_upload(body))
+        upload = parse_upload(body, keep_exif=self.config.keep_exif)
+        capture, created = session.store_capture(capture_id, upload)
         if created:
             self.queue.put(session, capture_id, place)
             self._tell_capture(session, capture)
@@ -356,7 +376,8 @@ class _Handlers:
 
     def _list(self) -> wire.SessionList:
         sessions = [self._summary(session) for session in self.store.all_sessions()]
-        return wire.SessionList(sessions, self.store.problems)
+        problems = [without_paths(problem, self.store.root) for problem in self.store.problems]
+        return wire.SessionList(sessions, problems)
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
@@ -414,7 +435,9 @@ def create_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        erasing = asyncio.ensure_future(server.erase_expired())
         yield
+        erasing.cancel()
         server.close()
 
     app = Starlette(
@@ -423,7 +446,7 @@ def create_app(
             *routes_of_recordings(config.recordings),
             *client_pages(config.client_dir),
         ],
-        exception_handlers=_handlers(),
+        exception_handlers=_handlers(store.root),
         lifespan=lifespan,
     )
     app.add_middleware(BoundedBodies, largest_bytes=config.max_upload_bytes)
@@ -460,7 +483,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
     ]
 
 
-def _handlers() -> Mapping[Any, Any]:
+def _handlers(root: Path) -> Mapping[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         if isinstance(error, BadUpload):
             return problem(error.status, str(error), kind=error.kind)
@@ -479,14 +502,23 @@ def _handlers() -> Mapping[Any, Any]:
         if isinstance(error, DiskFull):
             return problem(507, str(error), kind="disk-full")
         _log.error("a request failed", exc_info=error)
-        return problem(500, "Something went wrong on the server. Its log has the details.")
+        if isinstance(error, PeakingError):
+            return problem(500, without_paths(str(error), root))
+        sentence = (
+            f"Something went wrong on the server ({cause_of(error)}). Its log has the details."
+        )
+        return problem(500, sentence)
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
 
-async def _file(path: Path, media_type: str) -> Response:
+def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
+    """Return a photo; those that an earlier version stored with metadata lose it here."""
     try:
-        found = await run_in_threadpool(os.stat, path)
+        data = session.photo_path(capture.id).read_bytes()
     except FileNotFoundError:
         raise HTTPException(404, "There is no such file.") from None
-    return FileResponse(path, media_type=media_type, headers=LASTING, stat_result=found)
+    try:
+        return data if keep_exif else without_metadata(data)
+    except ValueError as error:
+        raise HTTPException(500, f"The photo is damaged on the disk: {error}.") from error

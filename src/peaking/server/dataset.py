@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from peaking.geometry import OPENCV_FROM_OPENGL
+from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 
 CHUNK_BYTES = 1 << 20
@@ -84,17 +85,29 @@ class _Outbox(io.RawIOBase):
         return b"".join(parts)
 
 
-def zip_stream(files: Iterable[tuple[str, Path | bytes]]) -> Iterator[bytes]:
+def zip_stream(
+    files: Iterable[tuple[str, Path | bytes]], *, keep_exif: bool = False
+) -> Iterator[bytes]:
     """Yield a zip of files, stored as they are: photos do not get smaller.
 
-    A file that vanished meanwhile (an undo) is left out.
+    A file that vanished meanwhile (an undo) is left out, and so is a photo that is so damaged that
+    its metadata cannot be found.
+
+    Args:
+        files: Names and contents.
+        keep_exif: Keep the metadata of photos that an earlier version stored with it.
     """
     outbox = _Outbox()
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, content in files:
             try:
-                source = io.BytesIO(content) if isinstance(content, bytes) else content.open("rb")
-            except FileNotFoundError:
+                if isinstance(content, bytes):
+                    source = io.BytesIO(content)
+                elif content.suffix == ".jpg" and not keep_exif:
+                    source = io.BytesIO(without_metadata(content.read_bytes()))
+                else:
+                    source = content.open("rb")
+            except (FileNotFoundError, ValueError):
                 continue
             with source, archive.open(zipfile.ZipInfo(name, EPOCH), "w") as entry:
                 while chunk := source.read(CHUNK_BYTES):

@@ -19,10 +19,12 @@ from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
 from peaking.server import wire
+from peaking.server.attempts import counted_attempt
 from peaking.server.disk_full import DiskFull
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import FairRoom, Share
 from peaking.server.open_session import FAST, OpenSession
+from peaking.server.told import cause_of
 from peaking.server.upload import camera_of_wire
 from peaking.view_builder import ViewBuilder
 
@@ -179,12 +181,13 @@ class GenerationQueue:
         if capture.removed or (capture.state == "ready" and not capture.guessed):
             return capture
         try:
-            frame = session.frame_of(capture.id)
-            others = self._others(builder, session, capture, frame)
-            if capture.state == "ready":
-                made = builder.rebuild_guessed(frame, others)
-            else:
-                made = builder.build(frame, others)
+            with _attempt(session, capture, "first"):
+                frame = session.frame_of(capture.id)
+                others = self._others(builder, session, capture, frame)
+                if capture.state == "ready":
+                    made = builder.rebuild_guessed(frame, others)
+                else:
+                    made = builder.build(frame, others)
             if made is None:
                 return capture  # as much of a guess as before
             ready = _kept(session, capture, made)
@@ -198,11 +201,12 @@ class GenerationQueue:
             return session.mark_failed(capture.id, NO_ROOM)
         except PeakingError as error:
             return session.mark_failed(capture.id, str(error))
-        except Exception:  # whatever it is, the next capture must be served
+        except Exception as error:  # whatever it is, the next capture must be served
             _log.exception("making the MPI of capture %s failed", capture.id)
-            return session.mark_failed(
-                capture.id, "The MPI could not be generated. The server's log says why."
+            problem = (
+                f"The MPI could not be generated ({cause_of(error)}). The server's log has more."
             )
+            return session.mark_failed(capture.id, problem)
 
     def _ask_again(self, session: OpenSession, capture_id: str) -> None:
         """A view came into its place: those whose scale is a guess may be told it now."""
@@ -219,15 +223,16 @@ class GenerationQueue:
             if capture.removed or capture.guessed or capture.generator == builder.options.generator:
                 continue
             try:
-                frame = session.frame_of(capture_id)
-                made = builder.build(frame, self._others(builder, session, capture, frame))
+                with _attempt(session, capture, "better"):
+                    frame = session.frame_of(capture_id)
+                    made = builder.build(frame, self._others(builder, session, capture, frame))
                 if made.metric:
                     self._on_done(session, _kept(session, capture, made))
             except PeakingError as error:
                 self._on_done(session, session.mark_not_better(capture_id, str(error)))
-            except Exception:  # the first MPI stays, and the next capture must be served
+            except Exception as error:  # the first MPI stays, and the next capture must be served
                 _log.exception("making a better MPI of capture %s failed", capture_id)
-                problem = "No better MPI could be generated. The server's log says why."
+                problem = f"No better MPI was made ({cause_of(error)}). The server's log has more."
                 self._on_done(session, session.mark_not_better(capture_id, problem))
 
     # Neighbours
@@ -252,6 +257,13 @@ class GenerationQueue:
             )
             for other in (around[number] for number in views_to_ask(cameras, frame.camera))
         ]
+
+
+def _attempt(
+    session: OpenSession, capture: wire.Capture, which: str
+) -> contextlib.AbstractContextManager[None]:
+    marker = session.folder / "mpi" / f".{capture.number:06d}.{which}.begun"
+    return counted_attempt(marker, session.photo_path(capture.id))
 
 
 def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wire.Capture:

@@ -39,6 +39,7 @@ from peaking.server.dataset import (
 from peaking.server.disk_full import DiskFull, room_explained
 from peaking.server.recovery import recovered_captures
 from peaking.server.session_log import SessionLog
+from peaking.server.told import without_paths
 from peaking.server.upload import Upload, camera_of_wire
 
 TRANSFORMS = "transforms.json"
@@ -58,6 +59,10 @@ KEPT = ("images", "depth", "points")
 
 FOLDERS = (*KEPT, "mpi", "removed", *(f"removed/{name}" for name in KEPT))
 _log = logging.getLogger("peaking.server")
+
+
+MAX_PEAKED = 200_000
+"""Samples of the peaked share in a session: two days of one a second."""
 
 
 class UnknownSession(PeakingError):
@@ -438,10 +443,11 @@ class OpenSession:
 
     def mark_not_better(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why no better MPI was made; the one that is there stays."""
-        return self._change(capture_id, problem=problem)
+        return self._change(capture_id, problem=without_paths(problem, self.folder))
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
         """Remember why there is no MPI of a capture; it is tried again after a restart."""
+        problem = without_paths(problem, self.folder)
         return self._change(capture_id, state="failed", problem=problem)
 
     def rename(self, name: str) -> None:
@@ -488,13 +494,15 @@ class OpenSession:
     def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
         """Append what a phone told, each sample once; not waited for until it is on the disk.
 
+        Beyond `MAX_PEAKED` samples nothing more is kept.
+
         Raises:
             DiskFull: There is no room; none of it was kept.
         """
         with self._lock:
             self._refuse_gone()
             new = {s.time_s: s for s in samples if s.time_s not in self._peaked_s}
-            if not new:
+            if not new or len(self._peaked_s) + len(new) > MAX_PEAKED:
                 return
             lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in new.values())
             with room_explained():
@@ -613,7 +621,7 @@ class OpenSession:
 
     def _mend(self) -> None:
         """Finish what was interrupted, find the MPIs that are there, drop half-written files."""
-        for folder in FOLDERS:
+        for folder in ("", *FOLDERS):
             (self.folder / folder).mkdir(parents=True, exist_ok=True)
             for leftover in (self.folder / folder).glob(".*.partial*"):
                 leftover.unlink()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
@@ -11,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from peaking.limits import DECODINGS_AT_ONCE
 from peaking.server.recordings import PlayedRecording
 from peaking.server.responses import LASTING, json_response
 
@@ -34,6 +36,7 @@ class _RecordingHandlers:
 
     def __init__(self, recordings: Mapping[str, PlayedRecording]) -> None:
         self.recordings = recordings
+        self.decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
 
     async def index(self, request: Request) -> Response:
         recording = self._recording(request)
@@ -41,12 +44,14 @@ class _RecordingHandlers:
 
     async def photo(self, request: Request) -> Response:
         recording = self._recording(request)
-        data = await run_in_threadpool(_or_404, recording.photo, request.path_params["index"])
+        async with self.decoding:
+            data = await run_in_threadpool(_or_404, recording.photo, request.path_params["index"])
         return Response(data, media_type="image/jpeg", headers=LASTING)
 
     async def depth(self, request: Request) -> Response:
         recording = self._recording(request)
-        data = await run_in_threadpool(_or_404, recording.depth, request.path_params["index"])
+        async with self.decoding:
+            data = await run_in_threadpool(_or_404, recording.depth, request.path_params["index"])
         if data is None:
             raise HTTPException(404, "This frame has no depth.")
         return Response(data, media_type="application/octet-stream", headers=LASTING)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import AsyncIterable, Mapping
 from http import HTTPStatus
 from typing import Literal
@@ -86,6 +87,15 @@ def attachment(name: str) -> Mapping[str, str]:
     return {
         "Content-Disposition": f"attachment; filename=\"{plain_name}\"; filename*=UTF-8''{exact}"
     }
+
+
+def while_it_lasts(request: Request, data: bytes, *, media_type: str) -> Response:
+    """Return what may be taken back: browsers ask each time whether it is still there."""
+    tag = f'"{len(data):x}-{zlib.crc32(data):08x}"'
+    headers = {"Cache-Control": "private, no-cache", "ETag": tag}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=media_type, headers=headers)
 
 
 def busy(error: Busy) -> Response:

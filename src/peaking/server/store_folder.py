@@ -72,6 +72,7 @@ class StoreFolder:
             ) from error
         self._take()
         self._tombstones: EventLog[Erased] = EventLog(root / OWN / "erased.jsonl", Erased)
+        self.problems: list[str] = []
         self.erased_ids = self._read_tombstones()
 
     def close(self) -> None:
@@ -122,7 +123,7 @@ class StoreFolder:
 
     def clean(self) -> list[str]:
         """Finish what a crash interrupted; return a sentence for whatever cannot be deleted."""
-        problems: list[str] = []
+        problems = list(self.problems)
         for folder in self.sessions_of(self.erased_ids) if self.erased_ids else ():
             self.delete(folder)
         for place in (self.root, self.deleted):
@@ -159,9 +160,10 @@ class StoreFolder:
     def _read_tombstones(self) -> set[str]:
         try:
             self._tombstones.mend()
-            events, _ = self._tombstones.read_around_damage()
+            events, damaged = self._tombstones.read_around_damage()
         except FileNotFoundError:
             return set()
+        self.problems += [f"{self._tombstones.path}: {line}" for line in damaged]
         return {event.session for event in events}
 
 

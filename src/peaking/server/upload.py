@@ -11,11 +11,13 @@ import simplejpeg
 from jaxtyping import Float32, UInt16
 
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
+from peaking.pictures.jpeg import check_jpeg
+from peaking.pictures.metadata import without_metadata
+from peaking.pictures.too_costly import TooCostly
 from peaking.server import wire
 from peaking.server.responses import ProblemKind
 
 MAX_HEADER_BYTES = 20_000
-MAX_PHOTO_PIXELS = 40_000_000
 PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
 """Where the principal point may lie, in sizes of the picture: crops move it, not further."""
 
@@ -67,8 +69,12 @@ class Upload:
     points_m: Float32[np.ndarray, "n 3"] | None = None
 
 
-def parse_upload(body: bytes) -> Upload:
+def parse_upload(body: bytes, *, keep_exif: bool = False) -> Upload:
     """Take an upload apart.
+
+    Args:
+        body: As docs/protocol.md has it.
+        keep_exif: Keep the photo's metadata: where, when and with what it was taken.
 
     Raises:
         BadUpload: Anything about it is wrong.
@@ -83,7 +89,8 @@ def parse_upload(body: bytes) -> Upload:
             status=400,
         )
     photo, rest = rest[: header.photo_bytes], rest[header.photo_bytes :]
-    _check_photo(photo, header.camera.pinhole)
+    bare = _checked_photo(photo, header.camera.pinhole)
+    photo = photo if keep_exif else bare
     depth_bytes = 2 * header.depth.width_px * header.depth.height_px if header.depth else 0
     points_bytes = BYTES_OF_POINT * header.points
     if len(rest) != depth_bytes + points_bytes:
@@ -136,22 +143,24 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
     return header, body[4 + length :]
 
 
-def _check_photo(photo: bytes, pinhole: wire.Pinhole) -> None:
-    """Look at the JPEG's own size; nothing is decoded."""
+def _checked_photo(photo: bytes, pinhole: wire.Pinhole) -> bytes:
+    """Return the JPEG without metadata, after a look at its size and scans; nothing is decoded."""
     try:
-        height, width, _, _ = simplejpeg.decode_jpeg_header(photo)
+        width, height = check_jpeg(photo)
+        bare = without_metadata(photo)
+        told_height, told_width, _, _ = simplejpeg.decode_jpeg_header(bare)
+    except TooCostly as error:
+        raise BadUpload(f"The photo {error}; {error.remedy}.") from error
     except ValueError as error:
-        raise BadUpload("The photo is not a readable JPEG.") from error
-    width, height = int(width), int(height)
-    if width * height > MAX_PHOTO_PIXELS:
-        raise BadUpload(
-            f"The photo has {width}x{height} pixels. Send at most {MAX_PHOTO_PIXELS:,} pixels."
-        )
+        raise BadUpload(f"The photo is not a readable JPEG ({error}).") from error
+    if (width, height) != (told_width, told_height):
+        raise BadUpload("The photo is not a readable JPEG (its size is not clear).")
     if (width, height) != (pinhole.width_px, pinhole.height_px):
         raise BadUpload(
             f"The photo has {width}x{height} pixels, but its camera says "
             f"{pinhole.width_px}x{pinhole.height_px}."
         )
+    return bare
 
 
 def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"] | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from peaking.errors import SplatFileError
+from peaking.limits import MAX_SPLAT_BYTES
 from peaking.output import write_atomically
 from peaking.splat.gaussians import Gaussians
 
@@ -60,18 +61,20 @@ def read_ply(path: Path) -> Gaussians:
         SplatFileError: It is not such a file, lacks a property, is cut off or holds NaN.
     """
     try:
+        if path.stat().st_size > MAX_SPLAT_BYTES:
+            raise SplatFileError(f"{path}: has more than {MAX_SPLAT_BYTES:,} bytes")
         data = path.read_bytes()
     except OSError as error:
         raise SplatFileError(f"{path}: cannot be read ({error.strerror})") from error
     head, mark, body = data.partition(b"end_header\n")
     lines = head.decode("ascii", errors="replace").split("\n")
-    if not mark or lines[0].strip() != "ply" or "binary_little_endian" not in lines[1]:
+    if not mark or lines[0].strip() != "ply" or "binary_little_endian" not in " ".join(lines[1:2]):
         raise SplatFileError(f"{path}: is not a binary little-endian .ply file")
     names: list[str] = []
     n = -1
     for line in lines[2:]:
         match line.split():
-            case ["element", "vertex", count] if count.isdigit() and n < 0:
+            case ["element", "vertex", count] if count.isdecimal() and len(count) < 12 and n < 0:
                 n = int(count)
             case ["property", "float", name]:
                 names.append(name)

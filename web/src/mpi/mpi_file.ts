@@ -24,6 +24,9 @@ export const CELL_PX = 15;
 export const TILE_PX = 16;
 const MAX_FILE_BYTES = 256 * 2 ** 20;
 const MAX_HEADER_BYTES = 2 ** 20;
+/** The same as in src/peaking/limits.py. */
+const MAX_PIXELS = 2 ** 24;
+const MAX_PLACES = 2 ** 25;
 /** How far RᵀR may be from the identity; `RIGID_TOLERANCE` of src/peaking/geometry.py. */
 const RIGID_TOLERANCE = 1e-3;
 const MAGIC = [0x50, 0x4b, 0x4d, 0x50, 0x49, 0x02, 0x0d, 0x0a];
@@ -49,6 +52,9 @@ export function parseMpi(bytes: ArrayBuffer): ParsedMpi {
   const planes = header.plane_depths_m.length;
   const rows = Math.ceil((header.height_px + 1) / CELL_PX);
   const cols = Math.ceil((header.width_px + 1) / CELL_PX);
+  if (planes * rows * cols > MAX_PLACES) {
+    throw new MpiFileError(`need at most ${MAX_PLACES} places of tiles`);
+  }
   const occupancyEnd = payloadAt + header.occupancy_bytes;
   if (header.occupancy_bytes !== Math.ceil((planes * rows * cols) / 8)
     || occupancyEnd + header.payload_bytes !== all.length) {
@@ -113,6 +119,9 @@ const headerSchema = record<Header>({
 function readHeader(bytes: Uint8Array): Header {
   const header = parsedHeader(bytes);
   const depths = header.plane_depths_m;
+  if (header.width_px * header.height_px > MAX_PIXELS) {
+    throw new MpiFileError(`need at most ${MAX_PIXELS} pixels`);
+  }
   if (depths.some((depth, i) => depth <= 0 || (i > 0 && depth >= Number(depths[i - 1])))) {
     throw new MpiFileError('plane_depths_m must be depths > 0, farthest first');
   }

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import pickle
 import warnings
+import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ import torch
 
 from peaking.errors import CheckpointError
 from peaking.generators.adampi.network import AdaMpiNetwork
+from peaking.limits import MAX_CHECKPOINT_BYTES
 
 MAX_NAMED = 3
 """Names of wrong entries, of each kind, that a message gives."""
@@ -64,6 +66,10 @@ _REMEDY = "`peaking checkpoints` says which file is needed"
 def _unpickled(path: Path) -> object:
     if not path.is_file():
         raise CheckpointError(f"{path}: there is no such file; {_REMEDY}")
+    if _unpacked_bytes(path) > MAX_CHECKPOINT_BYTES:
+        raise CheckpointError(
+            f"{path}: has more than {MAX_CHECKPOINT_BYTES:,} bytes when it is unpacked; {_REMEDY}"
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of pickles that it may not know all of
@@ -78,6 +84,15 @@ def _unpickled(path: Path) -> object:
         raise CheckpointError(
             f"{path}: is cut off, damaged or no PyTorch checkpoint; fetch it again"
         ) from error
+
+
+def _unpacked_bytes(path: Path) -> int:
+    """Return how much is read: checkpoints are zip files, those of old versions are not."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return sum(entry.file_size for entry in archive.infolist())
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return path.stat().st_size
 
 
 def _check_entries(

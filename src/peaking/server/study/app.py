@@ -44,6 +44,7 @@ from peaking.server.study.open_participant import Incomplete, NotNow, OpenPartic
 from peaking.server.study.open_study import OpenStudy, UnknownParticipant
 from peaking.server.study.openapi import STUDY_OPERATIONS
 from peaking.server.study.shown import ConsoleView, participant_state
+from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload
 from peaking.study.records import StepKey
 
@@ -337,8 +338,11 @@ def _refusals() -> dict[Any, Any]:
             case OSError():
                 sentence = f"The server could not write to its disk ({error.strerror}). Try again."
                 return problem(507, sentence, kind="disk-full")
+            case PeakingError():
+                return problem(500, without_paths(str(error)))
             case _:
-                return problem(500, "Something went wrong on the server. Its log has the details.")
+                sentence = f"Something went wrong on the server ({cause_of(error)})."
+                return problem(500, sentence)
 
     return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
 
