@@ -23,6 +23,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 import peaking
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
@@ -63,10 +64,10 @@ from peaking.server.thumbnails import thumbnail
 from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
+ERASED_EVERY_S = 3600.0
 MAX_SELECTIONS = 8
 """Questions for a selection that may wait; one device alone may ask half of them."""
 
-ERASED_EVERY_S = 3600.0
 _log = logging.getLogger("peaking.server")
 
 
@@ -117,8 +118,8 @@ class _Handlers:
         self.config = config
         self.hub = hub
         self._selecting = asyncio.Lock()
-        self._selections = FairRoom(MAX_SELECTIONS)
         self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
+        self._selections = FairRoom(MAX_SELECTIONS)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
@@ -259,7 +260,9 @@ class _Handlers:
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
         return StreamingResponse(
-            iterate_in_threadpool(zip_stream(files, keep_exif=self.config.keep_exif)),
+            iterate_in_threadpool(
+                zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
+            ),
             media_type="application/zip",
             headers=headers,
         )
@@ -514,10 +517,10 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
 
 def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
     """Return a photo; those that an earlier version stored with metadata lose it here."""
-    try:
-        data = session.photo_path(capture.id).read_bytes()
-    except FileNotFoundError:
-        raise HTTPException(404, "There is no such file.") from None
+    path = session.photo_path(capture.id)
+    if not path.is_file():
+        raise HTTPException(404, "There is no such file.")
+    data = read_bytes(path, within=session.folder)
     try:
         return data if keep_exif else without_metadata(data)
     except ValueError as error:

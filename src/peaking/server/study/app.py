@@ -268,7 +268,7 @@ def create_study_app(
             *_participant_routes(handlers),
             Mount("/", app=capture),
         ],
-        exception_handlers=_refusals(),
+        exception_handlers=_refusals(study.folder),
         lifespan=lifespan,
     )
     app.add_middleware(Guard, token=config.token)
@@ -305,13 +305,13 @@ def _console_app(handlers: _Handlers, config: StudyServerOptions) -> Any:
             Route(participant + "/excluded", handlers.exclude, methods=["PUT"]),
             Route(participant + "/qr.svg", handlers.qr, methods=["GET"]),
         ],
-        exception_handlers=_refusals(),
+        exception_handlers=_refusals(handlers.study.folder),
     )
     app.add_middleware(Guard, token=config.console_token, cookie=CONSOLE_COOKIE)
     return app
 
 
-def _refusals() -> dict[Any, Any]:
+def _refusals(folder: Path) -> dict[Any, Any]:
     async def refused(_: Request, error: Exception) -> Response:
         match error:
             case Incomplete():
@@ -339,7 +339,7 @@ def _refusals() -> dict[Any, Any]:
                 sentence = f"The server could not write to its disk ({error.strerror}). Try again."
                 return problem(507, sentence, kind="disk-full")
             case PeakingError():
-                return problem(500, without_paths(str(error)))
+                return problem(500, without_paths(str(error), folder))
             case _:
                 sentence = f"Something went wrong on the server ({cause_of(error)})."
                 return problem(500, sentence)
