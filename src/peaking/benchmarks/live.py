@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from peaking.benchmarks import live_strain
 from peaking.benchmarks.live_phone import LiveCapture, LivePhone, upload_bodies
 from peaking.benchmarks.measure import machine
 from peaking.datasets import Recording
@@ -67,18 +68,26 @@ def run(plan: LiveOptions, *, told: Callable[[str], None]) -> dict[str, object]:
         document |= _long_session(address, bodies, plan.long_session)
         told(f"{PHONES} phones for {plan.phones_for_s:.0f} s")
         document |= _many_phones(address, bodies, plan.phones_for_s)
+        document |= live_strain.fair_turns(address, bodies, told)
+        document |= live_strain.idle_connections(address, bodies, told)
         if plan.with_browser:
             from peaking.benchmarks import live_browser
 
             told("the client in headless Chromium")
             document |= live_browser.run(address)
+    with tempfile.TemporaryDirectory() as folder:
+        lateness = Path(folder) / "lateness"
+        begin = f"from peaking.benchmarks import slow_disk; slow_disk.begin({str(lateness)!r})"
+        with _server(Path(folder) / "sessions", begin) as address:
+            document |= live_strain.loop_stall(address, bodies, lateness, told)
     return document
 
 
 @contextlib.contextmanager
-def _server(folder: Path) -> Generator[str, None, None]:
-    """Run `peaking demo` on a free port; yield its address."""
-    command = [sys.executable, "-c", "from peaking.cli import main; main()", "demo", "--no-open"]
+def _server(folder: Path, begin: str = "pass") -> Generator[str, None, None]:
+    """Run `peaking demo` on a free port, after a line of Python; yield its address."""
+    code = f"{begin}; from peaking.cli import main; main()"
+    command = [sys.executable, "-c", code, "demo", "--no-open"]
     with subprocess.Popen(
         [*command, "--port", "0", "--sessions", str(folder)],
         stdout=subprocess.PIPE,

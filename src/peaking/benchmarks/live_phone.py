@@ -129,7 +129,7 @@ class LivePhone:
         *,
         content: str = "application/octet-stream",
     ) -> tuple[int, bytes]:
-        """Send one request; return status and body.
+        """Send one request, again for as long as the server is busy; return status and body.
 
         Raises:
             RuntimeError: The server answered with 400 or above.
@@ -144,6 +144,9 @@ class LivePhone:
             self._connection.request(method, path, body, headers)
             answer = self._connection.getresponse()
         data = answer.read()
+        if answer.status == 503 and (wait := answer.headers.get("Retry-After")):
+            time.sleep(float(wait))
+            return self.request(method, path, body, content=content)
         if answer.status >= 400:
             raise RuntimeError(f"{method} {path}: {answer.status} {data[:300]!r}")
         return answer.status, data

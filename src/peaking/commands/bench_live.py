@@ -17,7 +17,8 @@ class BenchLive:
     """Time live capture: a real server on this machine, simulated phones, the client in a browser.
 
     Measures the latencies of one phone, a session of 300 views, 20 phones at once, and the virtual
-    phone in a headless browser (which needs playwright and a Chromium).
+    phone in a headless browser (which needs playwright and a Chromium). Then the server under
+    strain: 100 phones and one that floods, 2,000 connections that only wait, a disk that is slow.
 
     Examples:
       peaking bench live

@@ -62,6 +62,10 @@ FOLDERS = (*KEPT, "mpi", "removed", *(f"removed/{name}" for name in KEPT))
 _log = logging.getLogger("peaking.server")
 
 
+MAX_PEAKED = 200_000
+"""Samples of the peaked share in a session: two days of one a second."""
+
+
 class UnknownSession(PeakingError):
     """There is no session of this id."""
 
@@ -491,13 +495,15 @@ class OpenSession:
     def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
         """Append what a phone told, each sample once; not waited for until it is on the disk.
 
+        Beyond `MAX_PEAKED` samples nothing more is kept.
+
         Raises:
             DiskFull: There is no room; none of it was kept.
         """
         with self._lock:
             self._refuse_gone()
             new = {s.time_s: s for s in samples if s.time_s not in self._peaked_s}
-            if not new:
+            if not new or len(self._peaked_s) + len(new) > MAX_PEAKED:
                 return
             lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in new.values())
             with room_explained():
@@ -616,7 +622,7 @@ class OpenSession:
 
     def _mend(self) -> None:
         """Finish what was interrupted, find the MPIs that are there, drop half-written files."""
-        for folder in FOLDERS:
+        for folder in ("", *FOLDERS):
             (self.folder / folder).mkdir(parents=True, exist_ok=True)
             for leftover in (self.folder / folder).glob(".*.partial*"):
                 leftover.unlink()

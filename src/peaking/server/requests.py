@@ -99,7 +99,7 @@ async def read_body(request: Request, max_bytes: int) -> bytes:
     """
     if PAIRED not in request.scope:
         max_bytes = min(max_bytes, MAX_STRANGER_BYTES)
-    parts: list[bytes] = []
+    body = bytearray()  # one large piece of memory goes back to the system, many small ones do not
     size = declared_bytes(request)
     if size <= max_bytes:
         size = 0
@@ -108,11 +108,11 @@ async def read_body(request: Request, max_bytes: int) -> bytes:
                 size += len(part)
                 if size > max_bytes:
                     break
-                parts.append(part)
+                body += part
         except ClientDisconnect:
             raise BadUpload("The request ended before its body did.", status=400) from None
     if size > max_bytes:
         raise BadUpload(
             f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"
         )
-    return b"".join(parts)
+    return bytes(body)
