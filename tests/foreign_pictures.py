@@ -111,3 +111,18 @@ def telling_png(plain: bytes) -> bytes:
     ]
     head = 8 + 25
     return plain[:head] + b"".join(told) + plain[head:-12] + told[0] + plain[-12:] + GPS
+
+
+def claiming_webp(
+    width: int, height: int, kind: bytes, *, frame_px: int | None = None, moves: bool = False
+) -> bytes:
+    """Return a WebP that claims a size, perhaps in a header of another size, and holds nothing."""
+    sides = (width - 1 | (height - 1) << 14) if kind == b"VP8L" else 0
+    body = b"\x2f" + struct.pack("<I", sides & 0xFFFFFFFF)
+    if kind == b"VP8 ":
+        body = b"\0\0\0\x9d\x01\x2a" + struct.pack("<HH", width, height)
+    parts = kind + struct.pack("<I", len(body)) + body + b"\0" * (len(body) % 2)
+    if frame_px is not None:
+        side = (frame_px - 1).to_bytes(3, "little")
+        parts = b"VP8X" + struct.pack("<I", 10) + bytes([2 * moves, 0, 0, 0]) + 2 * side + parts
+    return b"RIFF" + struct.pack("<I", 4 + len(parts)) + b"WEBP" + parts

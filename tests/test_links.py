@@ -136,6 +136,21 @@ PATHS = [
 ]
 
 
+@pytest.mark.parametrize(
+    "field",
+    [
+        {"train_filenames": ["images/frame_00000.png", "../x"]},
+        {"other": {"deep": [{"depth_path": "/etc/passwd"}]}},
+        {"mask_paths": {"left": "../x"}},
+    ],
+)
+def test_no_path_leaves_the_recording_however_deep(folder: Path, field: dict[str, Any]) -> None:
+    edit_json(folder, lambda top: top.update(field))
+    with pytest.raises(RecordingError, match="points outside") as caught:
+        open_recording(folder)
+    assert caught.value.field in field
+
+
 @pytest.mark.parametrize("key", PATHS)
 @pytest.mark.parametrize("at_top", [False, True])
 def test_no_path_leaves_the_recording(folder: Path, key: str, at_top: bool) -> None:

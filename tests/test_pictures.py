@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from foreign_pictures import (
     GPS,
     claiming_png,
+    claiming_webp,
     exif,
     jpeg,
     png_of_zeros,
@@ -61,6 +62,11 @@ COSTLY = {
     ),
     "jpeg of two frames": (jpeg()[:-2] + jpeg()[2:], ""),
     "jpeg all fill": (jpeg()[:2] + b"\xff" * 2_000_000, ""),
+    "webp": (claiming_webp(16384, 16384, b"VP8L"), "16384x16384"),
+    "lossy webp": (claiming_webp(16383, 16383, b"VP8 "), "16383x16383"),
+    "webp in a small frame": (claiming_webp(16384, 16384, b"VP8L", frame_px=64), "16384x16384"),
+    "moving webp": (claiming_webp(64, 48, b"VP8L", frame_px=64, moves=True), "moving"),
+    "webp of nothing": (claiming_webp(64, 48, b"none"), "no picture"),
     "png 16-bit RGBA": (claiming_png(30000, 30000), "30000x30000"),
     "png of 2 to the 62": (claiming_png(2**31 - 1, 2**31 - 1), "pixels"),
     "png grey": (claiming_png(100_000, 100_000, bits=1, color=0), "pixels"),
@@ -287,6 +293,16 @@ def test_a_png_loses_what_it_tells_and_no_pixel() -> None:
     assert telling.count(GPS) > 5
     assert without_metadata(telling) == plain
     np.testing.assert_array_equal(decode_stored(telling), decode_stored(plain))
+
+
+@pytest.mark.parametrize("quality", [80, 101])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_the_size_of_a_webp_is_found(tmp_path: Path, quality: int, channels: int) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (47, 65, channels)).astype(np.uint8)
+    data = cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
+    (tmp_path / "a.webp").write_bytes(data)
+    assert picture_size_px(tmp_path / "a.webp") == (65, 47)
+    assert read_picture(tmp_path / "a.webp").shape == (47, 65, 3)
 
 
 @pytest.mark.parametrize("quality", [80, 101])

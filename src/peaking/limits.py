@@ -24,10 +24,10 @@ MAX_SEGMENTS = 10_000
 """Of a JPEG; 600 kB of metadata have 10."""
 
 MAX_CHUNKS = 2**17
-"""Of a PNG."""
+"""Of a PNG or WebP."""
 
 DECODER_MEMORY_BYTES = 4 * 2**30
-"""Of the process that decodes what is neither JPEG nor PNG, programs and libraries included."""
+"""Of the process that decodes what is neither JPEG, PNG nor WebP, libraries included."""
 
 DECODER_SECONDS = 60
 """For the same."""
@@ -40,7 +40,7 @@ DECODINGS_AT_ONCE = 2
 MAX_MPI_BYTES = 256 * 2**20
 MAX_MPI_SIDE_PX = 16384
 MAX_MPI_PIXELS = 2**24
-"""4096 x 4096: what renders at the size of its camera takes 17 bytes for each."""
+"""4096 x 4096: `peaking render` at the size of its camera takes 1.3 GB."""
 MAX_PLANES = 1024
 MAX_TILES = 2**16
 """A picture of 4096 x 4096 pixels, 64 MiB of texels."""

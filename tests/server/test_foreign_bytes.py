@@ -175,6 +175,27 @@ def test_what_was_stored_before_is_handed_on_without_metadata(opened: Open, tmp_
     assert all(GPS not in data for data in jpegs_of(client))
 
 
+@pytest.mark.usefixtures("no_generation")
+@pytest.mark.parametrize("name", ["images/000001.jpg", "depth/000001.png"])
+def test_a_link_in_a_stored_session_is_not_followed(
+    opened: Open, tmp_path: Path, name: str
+) -> None:
+    client = opened()
+    client.put(CAPTURE, content=upload_of(PLAIN))
+    (path,) = (tmp_path / "the store").rglob(name)
+    secret = jpeg(60, 128, grey=True)
+    (tmp_path / "secret").write_bytes(secret)
+    path.unlink()
+    path.symlink_to(tmp_path / "secret")
+    archive = client.get(f"{SESSION}/dataset.zip").content
+    assert name not in zipfile.ZipFile(io.BytesIO(archive)).namelist()
+    if name.endswith("jpg"):
+        for address in ("photo", "thumbnail"):
+            answer = client.get(f"{CAPTURE}/{address}")
+            assert answer.status_code == 500
+            assert "link that leaves" in answer.json()["detail"]
+
+
 # --- what is decoded at once ---------------------------------------------------------------------
 
 
@@ -183,14 +204,14 @@ def test_few_pictures_are_decoded_at_once(opened: Open, monkeypatch: pytest.Monk
     now, most, lock = [0], [0], threading.Lock()
     real = thumbnails.read_picture
 
-    def counted(path: Path) -> np.ndarray:
+    def counted(path: Path, *, within: Path) -> np.ndarray:
         with lock:
             now[0] += 1
             most[0] = max(most[0], now[0])
         threading.Event().wait(0.05)
         with lock:
             now[0] -= 1
-        return real(path)
+        return real(path, within=within)
 
     monkeypatch.setattr(thumbnails, "read_picture", counted)
     client = opened()
@@ -287,6 +308,13 @@ def test_problems_name_files_and_not_where_they_lie() -> None:
         "C:\\Users\\me\\x.jpg: is bad": "x.jpg: is bad",
     }.items():
         assert without_paths(text, root) == told
+
+
+@pytest.mark.parametrize("root", [".", "/", "a", "data"])
+def test_short_folders_take_no_letters_away(root: str) -> None:
+    text = "frames[3].file_path: data/a.b is 1.5 m away; see a/b, ../x."
+    assert without_paths(text, Path(root)).startswith("frames[3].file_path: ")
+    assert "1.5 m away; see" in without_paths(text, Path(root))
 
 
 @given(st.lists(st.text("ab c:é.-", min_size=1, max_size=5), min_size=1, max_size=4), st.booleans())

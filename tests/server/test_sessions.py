@@ -170,7 +170,7 @@ def test_the_folder_is_a_data_set(tmp_path: Path) -> None:
 def test_the_zip_has_the_data_set(tmp_path: Path) -> None:
     session = begun(tmp_path / "sessions")
     store(session, 1)
-    data = b"".join(zip_stream(session.dataset_files()))
+    data = b"".join(zip_stream(session.dataset_files(), session.folder))
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert archive.testzip() is None
         archive.extractall(tmp_path / "out")

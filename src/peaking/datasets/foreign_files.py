@@ -15,7 +15,9 @@ from pathlib import Path
 
 from peaking.errors import RecordingError
 
-FOLLOW_LINKS = "copy the file into the recording, or allow it by --follow-links"
+FOLLOW_LINKS = (
+    "copy the file into the recording, or give --follow-links to the commands that have it"
+)
 
 
 def read_bytes(

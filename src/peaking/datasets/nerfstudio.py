@@ -177,8 +177,8 @@ class NerfstudioRecording:
         )
         if exact is None:
             return None
-        stored_mm = read_grey(self.root / exact, within=self._within)
-        depth_m = stored_mm.astype(np.float32) / np.float32(1000.0)
+        depth_mm = read_grey(self.root / exact, within=self._within)
+        depth_m = depth_mm.astype(np.float32) / np.float32(1000.0)
         if materials is not None:
             depth_m[read_grey(self.root / materials, within=self._within) > 0] = 0.0
         return depth_m

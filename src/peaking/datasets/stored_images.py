@@ -18,7 +18,7 @@ from jaxtyping import Float32, Integer, UInt8
 from peaking.datasets.foreign_files import read_bytes, real_path
 from peaking.errors import RecordingError
 from peaking.limits import MAX_PICTURE_BYTES
-from peaking.pictures import jpeg, png
+from peaking.pictures import jpeg, png, webp
 from peaking.pictures.decoding import decode_jpeg, decode_stored
 from peaking.pictures.too_costly import TooCostly, check_pixels
 
@@ -34,7 +34,7 @@ _DEPTH_FORMAT = "store depth as a 16-bit PNG with one channel, or as an .npy arr
 
 
 def picture_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
-    """Return width and height from the first bytes of a JPEG or PNG.
+    """Return width and height from the first bytes of a JPEG, PNG or WebP.
 
     Other formats are decoded to find out.
 
@@ -56,6 +56,8 @@ def picture_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int
             return _explained(path, jpeg.check_jpeg, _picture_bytes(path, within))
         _explained(path, lambda size_px: check_pixels(*size_px), (int(width), int(height)))
         return int(width), int(height)
+    if webp.is_webp(head):
+        return _explained(path, webp.check_webp, head)
     height, width = read_picture(path, within=within).shape[:2]
     return width, height
 

@@ -34,6 +34,7 @@ _BENDS_TOO_MUCH = ("k4", "k5", "k6")
 _PICTURE_ENDINGS = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
 _LEAVES = re.compile(r"/|\.\.(/|\Z)|[A-Za-z]:")
 """How a path begins that leaves its folder: a root, the folder above, a drive."""
+_PATHS = ("_path", "_paths", "_filename", "_filenames")
 _EXPORT_AGAIN = "export the recording again as nerfstudio's transforms.json"
 
 
@@ -124,14 +125,18 @@ class Fields:
         return Path(existing)
 
     def check_paths(self) -> None:
-        """Refuse every own field `…_path`, also of other programs, that leaves the recording.
+        """Refuse every own field that is a path, also of other programs, and leaves the recording.
+
+        Fields are paths whose names end in `_path`, `_paths`, `_filename` or `_filenames`, however
+        deep they lie.
 
         Raises:
             RecordingError: It has a root, a drive, a backslash or a zero byte, or goes up by "..".
         """
         for key, value in self.own.items():
-            if key.endswith("_path") and isinstance(value, str):
-                self._inside(key, value)
+            if key != "frames":
+                for path in _texts(value, is_path=key.endswith(_PATHS)):
+                    self._inside(key, path)
 
     def _inside(self, key: str, text: str) -> str:
         """Return a path in its shortest form."""
@@ -301,6 +306,18 @@ def _refuse_other_lenses(fields: Fields) -> None:
                 f"only {', '.join(_BENDS)} can be undistorted, but {key} is not 0",
                 remedy=remedy,
             )
+
+
+def _texts(value: Any, *, is_path: bool) -> Iterator[str]:
+    """Yield the texts in a value that are paths."""
+    if isinstance(value, str) and is_path:
+        yield value
+    elif isinstance(value, list):
+        for inner in cast("list[Any]", value):
+            yield from _texts(inner, is_path=is_path)
+    elif isinstance(value, dict):
+        for key, inner in cast("dict[str, Any]", value).items():
+            yield from _texts(inner, is_path=is_path or key.endswith(_PATHS))
 
 
 def _angle_rad(fields: Fields, key: str) -> float:

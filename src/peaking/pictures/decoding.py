@@ -1,7 +1,7 @@
 """Decodes pictures from anywhere, within `peaking.limits`.
 
-JPEG and PNG are looked at first and decoded here. Of other kinds nothing can be said beforehand:
-they are decoded in a process that may take so much memory and time and no more.
+JPEG, PNG and WebP are looked at first and decoded here. Of other kinds nothing can be said
+beforehand: they are decoded in a process that may take so much memory and time and no more.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import simplejpeg
 from jaxtyping import UInt8
 
 from peaking.limits import DECODER_SECONDS, MAX_PIXELS
-from peaking.pictures import png
+from peaking.pictures import png, webp
 from peaking.pictures.jpeg import check_jpeg, tidied
 from peaking.pictures.too_costly import TooCostly
 
@@ -49,9 +49,13 @@ def decode_stored(data: bytes) -> np.ndarray:
         ValueError: It is damaged, cut off, or no picture.
         TooCostly: It would take too much memory or time.
     """
-    if not data.startswith(png.START):
+    if data.startswith(png.START):
+        pixels = png.png_of(data, png.PIXELS)
+    elif webp.is_webp(data):
+        webp.check_webp(data)
+        pixels = webp.without_metadata(data)
+    else:
         return decode_elsewhere(data)
-    pixels = png.png_of(data, png.PIXELS)
     try:
         stored = cv2.imdecode(np.frombuffer(pixels, np.uint8), AS_STORED)
     except cv2.error as error:

@@ -8,15 +8,13 @@ EXIF notes goes too: all that `peaking` reads and writes is about the pixels as 
 
 from __future__ import annotations
 
-from peaking.pictures import jpeg, png
+from peaking.pictures import jpeg, png, webp
 
 _JPEG_CODING = jpeg.FRAMES | {jpeg.DHT, jpeg.DAC, jpeg.DQT, jpeg.DNL, jpeg.DRI, jpeg.SOS, jpeg.EOI}
 _ICC, _JFIF, _ADOBE = b"ICC_PROFILE\0", b"JFIF\0", b"Adobe"
 _JFIF_BYTES, _ADOBE_BYTES = 12, 12
 """Without the size of a thumbnail; the whole segment."""
 _PNG_KINDS = png.PIXELS | {b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"sBIT", b"cICP", b"pHYs"}
-_WEBP_KINDS = frozenset([b"VP8 ", b"VP8L", b"ALPH", b"ICCP"])
-_WEBP_EXIF, _WEBP_XMP, _WEBP_MOVES = 0x08, 0x04, 0x02
 _HEADLESS = (b"BM", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6")
 """How BMP and PNM begin, which have no metadata."""
 
@@ -33,8 +31,8 @@ def without_metadata(data: bytes) -> bytes:
         return _jpeg(data)
     if data.startswith(png.START):
         return png.png_of(data, _PNG_KINDS)
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return _webp(data)
+    if webp.is_webp(data):
+        return webp.without_metadata(data)
     if data.startswith(_HEADLESS):
         return data
     raise ValueError("is of a kind whose metadata cannot be removed")
@@ -57,22 +55,3 @@ def _jpeg(data: bytes) -> bytes:
 
 def _jpeg_segment(marker: int, body: bytes) -> bytes:
     return bytes([0xFF, marker]) + (len(body) + 2).to_bytes(2, "big") + body
-
-
-def _webp(data: bytes) -> bytes:
-    """Walk the RIFF chunks (RFC 9649, 2.3 to 2.7)."""
-    parts: list[bytes] = []
-    at, end = 12, min(len(data), 8 + int.from_bytes(data[4:8], "little"))
-    while at + 8 <= end:
-        kind, length = data[at : at + 4], int.from_bytes(data[at + 4 : at + 8], "little")
-        body = data[at + 8 : at + 8 + length]
-        if kind == b"VP8X" and length == 10:
-            if body[0] & _WEBP_MOVES:
-                raise ValueError("is a moving picture")
-            flags = body[0] & ~(_WEBP_EXIF | _WEBP_XMP)
-            parts.append(data[at : at + 8] + bytes([flags]) + body[1:])
-        elif kind in _WEBP_KINDS:
-            parts.append(data[at : at + 8] + body + b"\0" * (length % 2))
-        at += 8 + length + length % 2
-    content = b"WEBP" + b"".join(parts)
-    return b"RIFF" + len(content).to_bytes(4, "little") + content

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from peaking.datasets.foreign_files import read_bytes
+from peaking.errors import RecordingError
 from peaking.geometry import OPENCV_FROM_OPENGL
 from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
@@ -86,30 +88,29 @@ class _Outbox(io.RawIOBase):
 
 
 def zip_stream(
-    files: Iterable[tuple[str, Path | bytes]], *, keep_exif: bool = False
+    files: Iterable[tuple[str, Path | bytes]], folder: Path, *, keep_exif: bool = False
 ) -> Iterator[bytes]:
     """Yield a zip of files, stored as they are: photos do not get smaller.
 
-    A file that vanished meanwhile (an undo) is left out, and so is a photo that is so damaged that
-    its metadata cannot be found.
+    A file that vanished meanwhile (an undo) is left out, and so is one that a link leads to from
+    outside, and a photo that is so damaged that its metadata cannot be found.
 
     Args:
         files: Names and contents.
+        folder: All of them lie in it.
         keep_exif: Keep the metadata of photos that an earlier version stored with it.
     """
     outbox = _Outbox()
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, content in files:
             try:
-                if isinstance(content, bytes):
-                    source = io.BytesIO(content)
-                elif content.suffix == ".jpg" and not keep_exif:
-                    source = io.BytesIO(without_metadata(content.read_bytes()))
-                else:
-                    source = content.open("rb")
-            except (FileNotFoundError, ValueError):
+                data = content if isinstance(content, bytes) else read_bytes(content, within=folder)
+                if name.endswith(".jpg") and not keep_exif:
+                    data = without_metadata(data)
+            except (RecordingError, ValueError):
                 continue
-            with source, archive.open(zipfile.ZipInfo(name, EPOCH), "w") as entry:
+            source = io.BytesIO(data)
+            with archive.open(zipfile.ZipInfo(name, EPOCH), "w") as entry:
                 while chunk := source.read(CHUNK_BYTES):
                     entry.write(chunk)
                     yield outbox.taken()

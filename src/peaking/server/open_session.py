@@ -20,6 +20,7 @@ from pathlib import Path
 
 import msgspec
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.point_cloud import encode_points, read_points
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import PeakingError, RecordingError
@@ -212,12 +213,12 @@ class OpenSession:
         files = self._files[capture_id]
         depth_m = points_m = None
         if (name := depth_name(capture.number)) in files:
-            depth_m = read_depth(self._path(capture, name), 0.001)
+            depth_m = read_depth(self._path(capture, name), 0.001, within=self.folder)
         if (name := points_name(capture.number)) in files:
-            points_m = read_points(self._path(capture, name))
+            points_m = read_points(self._path(capture, name), within=self.folder)
         return Frame(
             name=f"{capture.number:06d}",
-            rgb=read_picture(self.photo_path(capture_id)),
+            rgb=read_picture(self.photo_path(capture_id), within=self.folder),
             camera=camera_of_wire(capture.camera),
             depth_m=depth_m,
             timestamp_s=float(capture.time_s),
@@ -242,8 +243,8 @@ class OpenSession:
         """
         self.shown_capture(capture_id)
         try:
-            data = self.mpi_path(capture_id, version).read_bytes()
-        except OSError:
+            data = read_bytes(self.mpi_path(capture_id, version), within=self.folder)
+        except RecordingError:
             return None
         return data if is_sound(data) else None
 
@@ -255,8 +256,8 @@ class OpenSession:
         """
         number = self.shown_capture(capture_id).number
         for path in (self.folder / "mpi").glob(f"{number:06d}.thumbnail.*.jpg"):
-            with contextlib.suppress(OSError):
-                data = path.read_bytes()
+            with contextlib.suppress(RecordingError):
+                data = read_bytes(path, within=self.folder)
                 if path.name == _thumbnail_name(number, data):
                     return data
         return None

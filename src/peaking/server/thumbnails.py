@@ -21,7 +21,7 @@ def thumbnail(session: OpenSession, capture_id: str) -> bytes:
     kept = session.kept_thumbnail(capture_id)
     if kept is not None:
         return kept
-    rgb = read_picture(session.photo_path(capture_id))
+    rgb = read_picture(session.photo_path(capture_id), within=session.folder)
     height, width = rgb.shape[:2]
     scale = min(THUMBNAIL_PX / max(height, width), 1.0)
     size = (max(round(width * scale), 1), max(round(height * scale), 1))

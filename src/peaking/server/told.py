@@ -19,8 +19,8 @@ def without_paths(text: str, *folders: Path) -> str:
         folders: Of the server: what lies below them is named from there.
     """
     for folder in folders:
-        for place in (str(folder), os.path.realpath(folder)):
-            text = text.replace(f"{place}/", "").replace(place, folder.name)
+        for place in {str(folder), os.path.realpath(folder)} - {".", "/"}:
+            text = re.sub(rf"(?<![\w./-]){re.escape(place)}(/|(?![\w./-]))", "", text)
     text = _PATH_FIRST.sub(lambda found: _last(found[0]), text, count=1) if _begins(text) else text
     return _PATH.sub(lambda found: _last(found[0]), text)
 

@@ -17,6 +17,7 @@ from typing import cast
 
 import msgspec
 
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import StudyError
 from peaking.event_log import EventLog
 from peaking.output import write_atomically
@@ -120,6 +121,7 @@ def export_participant(study: Path, participant: str, out: Path) -> None:
 
     Raises:
         StudyError: There is no such participant, or the records are damaged.
+        RecordingError: A link leads out of a session's folder.
         OutputError: The zip cannot be written.
     """
     record = _record(study, participant)
@@ -132,7 +134,8 @@ def export_participant(study: Path, participant: str, out: Path) -> None:
         for folder in session_folders(study, participant):
             for path in sorted(folder.rglob("*")):
                 if path.is_file() and "mpi" not in path.relative_to(folder).parts:
-                    files.write(path, f"sessions/{folder.name}/{path.relative_to(folder)}")
+                    data = read_bytes(path, within=folder)
+                    files.writestr(f"sessions/{folder.name}/{path.relative_to(folder)}", data)
     write_atomically(out, archive.getvalue())
 
 
