@@ -10,24 +10,28 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
-from test_app import SESSION, capture_path, client_of
+from test_app import SESSION, capture_path, client_of, credential_of
 
 from capture_uploads import SESSION_ID, capture_id, new_session, upload
 from limited_server import connect, heard, limited_server
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.bodies import UPLOADS_AT_ONCE
 from peaking.server.connections import ConnectionLimits
+from peaking.server.devices import Devices
 from peaking.server.fair_room import Busy
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore
 
 LARGEST = 1_000_000
-TOKEN = "a-token-of-this-test"
+SHOWN = {"credential": ""}
+"""Of the device that is paired with the server of the running test."""
 
 
 @pytest.fixture
 def port(tmp_path: Path) -> Generator[int, None, None]:
-    config = ServerOptions(token=TOKEN, client_dir=tmp_path, max_upload_bytes=LARGEST)
+    devices = Devices(tmp_path / "sessions")
+    SHOWN["credential"] = credential_of(devices)
+    config = ServerOptions(devices=devices, client_dir=tmp_path, max_upload_bytes=LARGEST)
     app = create_app(store=SessionStore(tmp_path / "sessions"), config=config)
     with limited_server(app, ConnectionLimits()) as port:
         assert asked(port, "PUT", SESSION, json.dumps(new_session()).encode())[0] == 201
@@ -37,13 +41,15 @@ def port(tmp_path: Path) -> Generator[int, None, None]:
 def asked(port: int, method: str, path: str, body: bytes | Iterator[bytes]) -> tuple[int, bytes]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     with contextlib.closing(connection):
-        connection.request(method, path, body, headers={"Authorization": f"Bearer {TOKEN}"})
+        connection.request(
+            method, path, body, headers={"Authorization": f"Bearer {SHOWN['credential']}"}
+        )
         answer = connection.getresponse()
         return answer.status, answer.read()
 
 
 def half_sent(path: str, length: str) -> bytes:
-    head = f"PUT {path} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {TOKEN}\r\n{length}\r\n\r\n"
+    head = f"PUT {path} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {SHOWN['credential']}\r\n{length}\r\n\r\n"
     return head.encode()
 
 
