@@ -356,3 +356,38 @@ def test_an_order_whose_answer_is_lost_counts_once(
     (only,) = read_participants(server.sessions)
     assert only.notes == ["late"]
     assert problems == []
+
+
+def test_the_console_and_a_phone_are_paired_by_links_that_work_once(
+    browser: Browser, tmp_path: Path
+) -> None:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / FILE_NAME).write_text(PROTOCOL)
+    server = LiveServer(folder, command=("study", "serve", "--adb")).start()
+    desk, phone, stranger = (browser.new_context() for _ in range(3))
+    problems: list[str] = []
+    try:
+        link = server.said[-1].strip()
+        assert "/study#code=" in link
+        console = open_page(desk, link, problems)
+        console.get_by_role("button", name="Add participant").click()
+        shown = console.locator(".phone-link a")
+        wait_for(console, "() => document.querySelector('.phone-link a')?.href.includes('#code=')")
+        wait_for(console, "() => document.querySelector('.phone-link img')?.naturalWidth > 50")
+        first = shown.first.get_attribute("href")
+        assert first
+        assert "#code" not in shown.first.inner_text()  # nobody reads it over a shoulder
+        page = open_page(phone, first, problems)
+        heading(page, "Consent")
+        # It is used up, so the console shows another one.
+        wait_for(console, "old => document.querySelector('.phone-link a')?.href !== old", first)
+        late = open_page(stranger, first, problems)
+        late.get_by_text("was used before").wait_for()
+        page = open_page(phone, f"{server.address}/study", problems)
+        page.get_by_text("This browser has no access to the console").wait_for()
+        assert problems == []
+    finally:
+        for context in (desk, phone, stranger):
+            context.close()
+        server.stop()

@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
-from test_app import SESSION, capture_path, client_of
+from test_app import SESSION, capture_path, client_of, credential_of
 
 from capture_uploads import SESSION_ID, capture_id, new_session, upload
 from limited_server import connect, heard, limited_server
@@ -21,20 +21,18 @@ from peaking.server.devices import Devices
 from peaking.server.fair_room import Busy
 from peaking.server.generation import GenerationQueue
 from peaking.server.sessions import SessionStore
-from server.test_app import credential_of
 
 LARGEST = 1_000_000
-paired: list[str] = []
-"""The credential of the device that sends, of the test that runs."""
+SHOWN = {"credential": ""}
+"""Of the device that is paired with the server of the running test."""
 
 
 @pytest.fixture
 def port(tmp_path: Path) -> Generator[int, None, None]:
-    store = SessionStore(tmp_path / "sessions")
-    devices = Devices(store.root)
-    paired[:] = [credential_of(devices)]
+    devices = Devices(tmp_path / "sessions")
+    SHOWN["credential"] = credential_of(devices)
     config = ServerOptions(devices=devices, client_dir=tmp_path, max_upload_bytes=LARGEST)
-    app = create_app(store=store, config=config)
+    app = create_app(store=SessionStore(tmp_path / "sessions"), config=config)
     with limited_server(app, ConnectionLimits()) as port:
         assert asked(port, "PUT", SESSION, json.dumps(new_session()).encode())[0] == 201
         yield port
@@ -43,15 +41,16 @@ def port(tmp_path: Path) -> Generator[int, None, None]:
 def asked(port: int, method: str, path: str, body: bytes | Iterator[bytes]) -> tuple[int, bytes]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     with contextlib.closing(connection):
-        connection.request(method, path, body, headers={"Authorization": f"Bearer {paired[0]}"})
+        connection.request(
+            method, path, body, headers={"Authorization": f"Bearer {SHOWN['credential']}"}
+        )
         answer = connection.getresponse()
         return answer.status, answer.read()
 
 
 def half_sent(path: str, length: str) -> bytes:
-    head = (
-        f"PUT {path} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {paired[0]}\r\n{length}\r\n\r\n"
-    )
+    shown = f"Authorization: Bearer {SHOWN['credential']}"
+    head = f"PUT {path} HTTP/1.1\r\nHost: x\r\n{shown}\r\n{length}\r\n\r\n"
     return head.encode()
 
 
@@ -86,7 +85,9 @@ def test_what_is_there_already_is_not_read_again(port: int) -> None:
 
 
 def test_strangers_take_no_room(port: int) -> None:
-    strange = half_sent(capture_path(1), f"Content-Length: {LARGEST}").replace(b"a-token", b"no")
+    strange = half_sent(capture_path(1), f"Content-Length: {LARGEST}").replace(
+        b"Bearer ", b"Bearer no"
+    )
     strangers = [connect(port, strange + b"x" * 1000) for _ in range(20)]
     assert [c.recv(12) for c in strangers] == [b"HTTP/1.1 401"] * 20
     assert asked(port, "PUT", capture_path(1), upload(1))[0] == 201

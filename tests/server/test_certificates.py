@@ -172,10 +172,10 @@ def test_what_cannot_be_used_is_replaced_and_it_is_said(tmp_path: Path, damage: 
             key.write_bytes((tmp_path / "other" / "peaking-ca.key").read_bytes())
         case _:
             now = NOW + datetime.timedelta(days=5 * 365 - 10)
-    made = open_authority(tmp_path, now=now)
+    made = open_authority(tmp_path, clock=now.timestamp)
     assert made.certificate != first.certificate
     assert "install the new one" in made.remarks[-1]
-    assert open_authority(tmp_path, now=now).remarks == ()
+    assert open_authority(tmp_path, clock=now.timestamp).remarks == ()
 
 
 def old_authority(key: ec.EllipticCurvePrivateKey) -> bytes:
@@ -241,7 +241,9 @@ def test_a_running_server_renews_its_certificate(tmp_path: Path, name: str) -> N
     authority = open_authority(tmp_path)
     trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking-ca.pem"))
     clock, addresses = [NOW], ["192.168.1.7"]
-    own = ServerCertificate(authority, addresses=lambda: list(addresses), now=lambda: clock[0])
+    own = ServerCertificate(
+        authority, addresses=lambda: list(addresses), clock=lambda: clock[0].timestamp()
+    )
     first = handshake(own.context, trusts, name)
     assert not own.renew_when_due()
     assert handshake(own.context, trusts, name) == first

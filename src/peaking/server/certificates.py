@@ -16,7 +16,8 @@ import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Generator, Sequence
+import time
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -86,7 +87,7 @@ class Authority:
 
 
 def open_authority(
-    folder: Path, *, hosts: Sequence[str] = (), now: datetime.datetime | None = None
+    folder: Path, *, hosts: Sequence[str] = (), clock: Callable[[], float] = time.time
 ) -> Authority:
     """Return the authority of a folder, made when there is none that can be used.
 
@@ -96,12 +97,12 @@ def open_authority(
     Args:
         folder: Where it is kept; made with mode 0700.
         hosts: Names or addresses that it has to vouch for, beside the private ones.
-        now: The time, with its zone; the clock's by default.
+        clock: Seconds since 1970.
 
     Raises:
         OutputError: It cannot be stored.
     """
-    now = now or datetime.datetime.now(datetime.UTC)
+    now = datetime.datetime.fromtimestamp(clock(), datetime.UTC)
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -63,6 +63,7 @@ def pairing_link(
     grant: Grant,
     *,
     after: Callable[[], None] = lambda: None,
+    clock: Callable[[], float] = time.time,
 ) -> wire.PairingLink:
     """Return links to pages, with a new code.
 
@@ -71,6 +72,7 @@ def pairing_link(
         pages: Addresses of the page that is opened, the best first.
         grant: What the code pairs for.
         after: Called when the code is over, because somebody came with it.
+        clock: Seconds since 1970.
     """
     secret = "" if devices is None else f"#code={devices.codes.give(grant, after=after)}"
     links = [page + secret for page in pages]
@@ -78,7 +80,7 @@ def pairing_link(
     segno.make(links[0], error="m").save(
         picture, kind="svg", scale=5, border=3, dark="#0d0f12", light="#ffffff", xmldecl=False
     )
-    return wire.PairingLink(links, picture.getvalue().decode(), time.time() + CODE_LASTS_S)
+    return wire.PairingLink(links, picture.getvalue().decode(), clock() + CODE_LASTS_S)
 
 
 @dataclass(frozen=True)

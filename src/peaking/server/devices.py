@@ -110,6 +110,7 @@ class Devices:
         usual: Grant = DEVICE,
         fixed_secret: str | None = None,
         clock: Callable[[], float] = time.time,
+        draw: Callable[[int], str] = secrets.token_hex,
     ) -> None:
         """Read them; none when there is no file yet.
 
@@ -118,12 +119,14 @@ class Devices:
             usual: What devices are paired for that are not a participant's.
             fixed_secret: Pairs any number of devices for that, for clients without a camera.
             clock: Seconds since 1970.
+            draw: Returns so many random bytes, as hexadecimal digits.
 
         Raises:
             OutputError: The file is damaged or cannot be written.
         """
         self._path = folder / ".peaking" / FILE_NAME
         self._clock = clock
+        self._draw = draw
         self._secret = None if fixed_secret is None else digest(fixed_secret)
         self.usual = usual
         self._lock = threading.RLock()
@@ -175,7 +178,7 @@ class Devices:
         """
         key = digest(device)
         if self._secret is not None and hmac.compare_digest(digest(secret), self._secret):
-            grant, salt = self.usual, secrets.token_hex(16)
+            grant, salt = self.usual, self._draw(16)
         else:
             redeemed = self.codes.redeem(secret, key)
             if redeemed is None:
@@ -186,9 +189,7 @@ class Devices:
         with self._changing() as file:
             found = next((one for one in file.devices if one.key == key), None)
             if found is None:
-                found = Device(
-                    secrets.token_hex(8), key, "", grant.role, [], now_s, now_s, credentials=[]
-                )
+                found = Device(self._draw(8), key, "", grant.role, [], now_s, now_s, credentials=[])
                 file.devices.append(found)
             said = "".join(letter for letter in name if letter.isprintable()).strip()
             found.name = said[:MAX_NAME] or "a device without a name"
@@ -231,7 +232,7 @@ class Devices:
             for device in file.devices:
                 for kept in device.credentials:
                     if kept.sha256 == digest(credential):
-                        kept.salt = kept.salt or secrets.token_hex(16)
+                        kept.salt = kept.salt or self._draw(16)
                         made = _successor(credential, kept.salt)
                         _add(device, made, now_s)
                         return made
@@ -320,7 +321,7 @@ class Devices:
                     ended()
 
     def _new_file(self) -> _File:
-        return _File(VERSION, secrets.token_hex(4), [])
+        return _File(VERSION, self._draw(4), [])
 
     def _read(self) -> bytes:
         try:

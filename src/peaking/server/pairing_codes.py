@@ -59,9 +59,15 @@ class CodeRefused(Exception):
 class PairingCodes:
     """The codes that were given out and are not over."""
 
-    def __init__(self, *, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        *,
+        clock: Callable[[], float] = time.time,
+        draw: Callable[[int], str] = secrets.token_urlsafe,
+    ) -> None:
         """Begin without codes."""
         self._clock = clock
+        self._draw = draw
         self._lock = threading.Lock()
         self._open: dict[str, _Open] = {}
 
@@ -73,12 +79,12 @@ class PairingCodes:
             after: Called, in any thread, once somebody came with it: it is over, and whoever shows
                 it has to show another.
         """
-        code = secrets.token_urlsafe(18)
+        code = self._draw(18)
         with self._lock:
             while len(self._open) >= MAX_CODES:
                 self._open.pop(next(iter(self._open)))
             until_s = self._clock() + CODE_LASTS_S
-            self._open[digest(code)] = _Open(grant, secrets.token_hex(16), until_s, after)
+            self._open[digest(code)] = _Open(grant, self._draw(16), until_s, after)
         return code
 
     def redeem(self, code: str, device: str) -> Redeemed | None:

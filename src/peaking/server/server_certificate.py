@@ -6,6 +6,7 @@ import datetime
 import os
 import ssl
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 
 from cryptography import x509
@@ -39,13 +40,13 @@ class ServerCertificate:
         hosts: Sequence[str] = (),
         *,
         addresses: Callable[[], Sequence[str]] = lan_addresses,
-        now: Callable[[], datetime.datetime] = lambda: datetime.datetime.now(datetime.UTC),
+        clock: Callable[[], float] = time.time,
     ) -> None:
         """Make one for this machine's names and addresses, and for `hosts`."""
         self._authority = authority
         self._hosts = tuple(hosts)
         self._addresses = addresses
-        self._now = now
+        self._clock = clock
         self._newest: ssl.SSLContext | None = None
         self._make(self._names())
         # A handshake takes whatever is the newest: what was begun with another goes on with it.
@@ -64,7 +65,7 @@ class ServerCertificate:
         It asks the system for addresses, which may take a while: not to be called on an event loop.
         """
         names = self._names()
-        if names == self._named and self._now() < self._made + RENEWED_AFTER:
+        if names == self._named and self._time() < self._made + RENEWED_AFTER:
             return False
         self._make(names)
         newest = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -72,13 +73,16 @@ class ServerCertificate:
         self._newest = newest
         return True
 
+    def _time(self) -> datetime.datetime:
+        return datetime.datetime.fromtimestamp(self._clock(), datetime.UTC)
+
     def _names(self) -> tuple[str, ...]:
         found = [*self._hosts, *self._addresses(), "localhost", "127.0.0.1", "::1"]
         found += machine_names()
         return tuple(name for name in dict.fromkeys(found) if self._authority.permits(name))
 
     def _make(self, names: tuple[str, ...]) -> None:
-        now = self._now()
+        now = self._time()
         key = ec.generate_private_key(ec.SECP256R1())
         signer = self._authority.certificate
         built = (
