@@ -340,7 +340,7 @@ def test_a_listener_that_is_too_slow_is_cut_off(monkeypatch: pytest.MonkeyPatch)
 
     from peaking.server import events
 
-    monkeypatch.setattr(events, "WAITING", 3)
+    monkeypatch.setattr(events, "WAITING_BYTES", 1000)
 
     async def listen() -> int:
         hub = events.Hub()
@@ -349,7 +349,7 @@ def test_a_listener_that_is_too_slow_is_cut_off(monkeypatch: pytest.MonkeyPatch)
         )
         stream = hub.stream("abcdefgh", lambda: wire.SessionChanged(summary))
         await anext(stream)
-        for _ in range(10):
+        for _ in range(50):
             hub.send("abcdefgh", wire.SessionChanged(summary))
         await asyncio.sleep(0.05)
         return len([message async for message in stream])

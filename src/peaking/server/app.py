@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import mimetypes
 from collections.abc import AsyncGenerator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +35,7 @@ from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
-from peaking.server.fair_room import Busy, Share
+from peaking.server.fair_room import Busy, FairRoom, Share
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import (
     NotRestorable,
@@ -64,6 +65,9 @@ from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 ERASED_EVERY_S = 3600.0
+MAX_SELECTIONS = 8
+"""Questions for a selection that may wait; one device alone may ask half of them."""
+
 _log = logging.getLogger("peaking.server")
 
 
@@ -115,6 +119,7 @@ class _Handlers:
         self.hub = hub
         self._selecting = asyncio.Lock()
         self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
+        self._selections = FairRoom(MAX_SELECTIONS)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         for session in store.sessions():
             self._make_missing(session)
@@ -165,13 +170,14 @@ class _Handlers:
         return answer
 
     async def openapi(self, _: Request) -> Response:
-        return json_response(document())
+        return json_response(await run_in_threadpool(document))
 
     async def sessions(self, _: Request) -> Response:
-        return json_response(self._summaries())
+        return await run_in_threadpool(lambda: json_response(self._summaries()))
 
     async def session(self, request: Request) -> Response:
-        return json_response(self._state(self._any_session(request)))
+        session = self._any_session(request)
+        return await run_in_threadpool(lambda: json_response(self._state(session)))
 
     async def session_events(self, request: Request) -> Response:
         session = self._session(request)
@@ -184,11 +190,13 @@ class _Handlers:
             lambda: wire.SessionState(self._state(session)),
             live="watch" not in request.query_params,
             changed=came_or_went,
+            device=device_of(request),
         )
-        return event_stream(stream)
+        return event_stream(request, stream)
 
-    async def server_events(self, _: Request) -> Response:
-        return event_stream(self.hub.stream(SERVER, self._list))
+    async def server_events(self, request: Request) -> Response:
+        stream = self.hub.stream(SERVER, self._list, device=device_of(request))
+        return event_stream(request, stream)
 
     # Sessions
 
@@ -199,7 +207,8 @@ class _Handlers:
         session, created = await run_in_threadpool(self._begin, session_id, new)
         if created:
             self._tell_summary(session)
-        return json_response(self._state(session), status=201 if created else 200)
+        state = await run_in_threadpool(self._state, session)
+        return json_response(state, status=201 if created else 200)
 
     async def change_session(self, request: Request) -> Response:
         session = self._any_session(request)
@@ -210,7 +219,7 @@ class _Handlers:
             await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
             await run_in_threadpool(self.store.restore, session.id)
-            self._make_missing(session)
+            await run_in_threadpool(self._make_missing, session)
         if change.name is not None:
             await run_in_threadpool(session.rename, change.name)
         if change.finished is not None:
@@ -218,14 +227,14 @@ class _Handlers:
         if change.deleted is True:
             await run_in_threadpool(self.store.delete, session.id)
         self._tell_summary(session)
-        return json_response(session.summary(live=self.hub.is_live(session.id)))
+        return json_response(self._summary(session))
 
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
         await run_in_threadpool(self.store.erase, session_id)
         self.hub.end(session_id)
-        self.hub.send(SERVER, self._list())
+        self.hub.send(SERVER, await run_in_threadpool(self._list))
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -234,19 +243,28 @@ class _Handlers:
             query = msgspec.convert(dict(request.query_params), wire.SelectionQuery, strict=False)
         except msgspec.ValidationError as error:
             raise BadUpload(f"The question is wrong: {error}.", status=400) from error
-        async with self._selecting:  # it computes for seconds; one after the other
-            chosen = await run_in_threadpool(select_captures, session, query, self.config.options)
+        place = self._selections.take(1, device_of(request))
+        try:
+            async with self._selecting:  # it computes for seconds; one after the other
+                chosen = await run_in_threadpool(
+                    select_captures, session, query, self.config.options
+                )
+        finally:
+            place.give_back()
         return json_response(chosen)
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
         files = await run_in_threadpool(session.dataset_files)
+        headers = attachment(f"{session.folder.name}.zip")
+        if request.method == "HEAD":
+            return Response(media_type="application/zip", headers=headers)
         return StreamingResponse(
             iterate_in_threadpool(
                 zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
             ),
             media_type="application/zip",
-            headers=attachment(f"{session.folder.name}.zip"),
+            headers=headers,
         )
 
     async def peaked(self, request: Request) -> Response:
@@ -299,7 +317,7 @@ class _Handlers:
                 do = session.restore_capture
         capture = await run_in_threadpool(do, capture_id)
         if not capture.removed:
-            self._make_missing(session)
+            await run_in_threadpool(self._make_missing, session)
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
         return json_response(capture)
@@ -315,7 +333,7 @@ class _Handlers:
         data = await run_in_threadpool(session.mpi_bytes, capture.id, version)
         if data is None:
             if await run_in_threadpool(session.mark_damaged, capture.id, version):
-                self.queue.put(session, capture.id)
+                await run_in_threadpool(self.queue.put, session, capture.id)
                 self._tell_capture(session, session.capture(capture.id))
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
         return Response(data, media_type="application/octet-stream", headers=LASTING)
@@ -360,7 +378,7 @@ class _Handlers:
             self.queue.put(session, capture_id)
 
     def _list(self) -> wire.SessionList:
-        sessions = [s.summary(live=self.hub.is_live(s.id)) for s in self.store.all_sessions()]
+        sessions = [self._summary(session) for session in self.store.all_sessions()]
         problems = [without_paths(problem, self.store.root) for problem in self.store.problems]
         return wire.SessionList(sessions, problems)
 
@@ -369,7 +387,7 @@ class _Handlers:
         self._tell_summary(session)
 
     def _tell_summary(self, session: OpenSession) -> None:
-        event = wire.SessionChanged(session.summary(live=self.hub.is_live(session.id)))
+        event = wire.SessionChanged(self._summary(session))
         self.hub.send(session.id, event)
         self.hub.send(SERVER, event)
 
@@ -377,7 +395,10 @@ class _Handlers:
         return session.session(live=self.hub.is_live(session.id))
 
     def _summaries(self) -> list[wire.SessionSummary]:
-        return [s.summary(live=self.hub.is_live(s.id)) for s in self.store.sessions()]
+        return [self._summary(session) for session in self.store.sessions()]
+
+    def _summary(self, session: OpenSession) -> wire.SessionSummary:
+        return session.summary(live=self.hub.is_live(session.id))
 
     def _session(self, request: Request) -> OpenSession:
         return self.store.get(id_in_path(request, "session"))
@@ -412,6 +433,7 @@ def create_app(
         hub: Ends all streams of events when it is closed; one of its own by default.
         admission: Who may begin sessions and add to them; everybody by default.
     """
+    mimetypes.init()  # reads files; Starlette would do that on the event loop
     server = _Handlers(store, config, hub or Hub(), admission or Everybody())
 
     @contextlib.asynccontextmanager

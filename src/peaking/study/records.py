@@ -349,6 +349,11 @@ def record_of(events: Sequence[AnyEvent]) -> ParticipantRecord:
     )
 
 
+def trial_record_of(trial: Trial, events: Sequence[AnyEvent]) -> TrialRecord:
+    """Gather what belongs to one trial; events of other trials and of the study may be left out."""
+    return _trial_record(trial, _without_repeated(events))
+
+
 def step_of(event: AnyEvent) -> str | None:
     """Return the step that an event belongs to."""
     return getattr(event, "step", None)

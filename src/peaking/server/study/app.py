@@ -6,6 +6,7 @@ Addresses below /api/v1/study are the participants' (any paired device); those b
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 from collections.abc import AsyncGenerator, Callable
@@ -29,7 +30,7 @@ from peaking.server.fair_room import Busy
 from peaking.server.open_session import SessionGone
 from peaking.server.openapi import OPERATIONS, document
 from peaking.server.pages import page
-from peaking.server.requests import id_in_path, read_json
+from peaking.server.requests import device_of, id_in_path, read_json
 from peaking.server.responses import (
     busy,
     event_stream,
@@ -39,10 +40,10 @@ from peaking.server.responses import (
     type_and_title,
 )
 from peaking.server.study import wire
-from peaking.server.study.open_participant import Incomplete, NotNow, OpenParticipant
+from peaking.server.study.open_participant import Incomplete, NotNow, OpenParticipant, TooMuch
 from peaking.server.study.open_study import OpenStudy, UnknownParticipant
 from peaking.server.study.openapi import STUDY_OPERATIONS
-from peaking.server.study.shown import console_state, participant_state
+from peaking.server.study.shown import ConsoleView, participant_state
 from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload
 from peaking.study.records import StepKey
@@ -50,6 +51,9 @@ from peaking.study.records import StepKey
 CONSOLE_COOKIE = "peaking_console"
 CONSOLE = ""
 """The console's topic; every other topic is a participant."""
+CONSOLE_PERIOD_S = 0.1
+"""The console is told at most so often, however many phones tell something."""
+
 COOKIE_AGE_S = 30 * 24 * 3600
 
 T = TypeVar("T")
@@ -82,28 +86,32 @@ class _Handlers:
         self.study = study
         self.config = config
         self.hub = hub
+        self._view = ConsoleView(study)
+        self._telling: asyncio.Task[None] | None = None
 
     async def openapi(self, _: Request) -> Response:
         """Describe the capture server's addresses and the study's."""
-        return json_response(document([*OPERATIONS, *STUDY_OPERATIONS]))
+        return json_response(await run_in_threadpool(document, [*OPERATIONS, *STUDY_OPERATIONS]))
 
     # The participant's phone
 
     async def texts(self, _: Request) -> Response:
-        return json_response(self.study.texts.pages)
+        return await run_in_threadpool(lambda: json_response(self.study.texts.pages))
 
     async def state(self, request: Request) -> Response:
-        return json_response(self._state(self._participant(request)))
+        participant = await self._participant(request)
+        return json_response(await run_in_threadpool(self._state, participant))
 
     async def events(self, request: Request) -> Response:
-        participant = self._participant(request)
+        participant = await self._participant(request)
         stream = self.hub.stream(
             participant.pseudonym,
             lambda: self._state(participant),
             live=True,
             changed=self._tell_console,
+            device=device_of(request),
         )
-        return event_stream(stream)
+        return event_stream(request, stream)
 
     async def consent(self, request: Request) -> Response:
         answer = await _json(request, wire.Consent)
@@ -126,7 +134,7 @@ class _Handlers:
         return await self._do(request, lambda who: who.stop(step, by="participant"))
 
     async def told(self, request: Request) -> Response:
-        participant = self._participant(request)
+        participant = await self._participant(request)
         told = await _json(request, wire.ToldEvents)
         await run_in_threadpool(participant.tell, told.events, session=told.session)
         self._tell_console()
@@ -148,8 +156,9 @@ class _Handlers:
             )
         return answer
 
-    async def console_events(self, _: Request) -> Response:
-        return event_stream(self.hub.stream(CONSOLE, self._console, live=True))
+    async def console_events(self, request: Request) -> Response:
+        stream = self.hub.stream(CONSOLE, self._console, live=True, device=device_of(request))
+        return event_stream(request, stream)
 
     async def add(self, request: Request) -> Response:
         new_id = id_in_path(request, "new")
@@ -181,45 +190,51 @@ class _Handlers:
         return await self._do(request, lambda who: who.exclude(said.text))
 
     async def qr(self, request: Request) -> Response:
-        participant = self._participant(request)
-        picture = io.BytesIO()
+        participant = await self._participant(request)
         link = f"{self.config.phone_links[0]}{participant.pseudonym}{self._hash()}"
-        segno.make(link, error="m").save(
-            picture, kind="svg", scale=5, border=3, dark="#0d0f12", light="#ffffff", xmldecl=False
-        )
-        return Response(picture.getvalue(), media_type="image/svg+xml")
+        picture = await run_in_threadpool(_qr_svg, link)
+        return Response(picture, media_type="image/svg+xml")
 
     # Inside
 
     async def _do(self, request: Request, change: Callable[[OpenParticipant], None]) -> Response:
         """Change a participant, tell who looks, and answer with the new state."""
-        participant = self._participant(request)
-        await run_in_threadpool(change, participant)
-        await run_in_threadpool(self.study.forget_images, participant)
-        state = self._state(participant)
-        self.hub.send(participant.pseudonym, state)
+        participant = await self._participant(request)
+        state = await run_in_threadpool(self._changed, participant, change)
         self._tell_console()
         return json_response(state)
 
-    def _participant(self, request: Request) -> OpenParticipant:
-        return self.study.get(request.path_params["participant"])
+    def _changed(
+        self, participant: OpenParticipant, change: Callable[[OpenParticipant], None]
+    ) -> wire.ParticipantState:
+        """Change a participant, and tell the phone (in a thread)."""
+        change(participant)
+        self.study.forget_images(participant)
+        state = self._state(participant)
+        self.hub.send(participant.pseudonym, state, replaces=True)
+        return state
+
+    async def _participant(self, request: Request) -> OpenParticipant:
+        return await run_in_threadpool(self.study.get, request.path_params["participant"])
 
     def _state(self, participant: OpenParticipant) -> wire.ParticipantState:
         return participant_state(participant, self.study.texts)
 
     def _console(self) -> wire.ConsoleState:
-        names = list(self.study.participants)
-        return console_state(
-            self.study,
-            phone_links=[
-                f"{link}{{participant}}{self._hash()}" for link in self.config.phone_links
-            ],
-            on_phone={name for name in names if self.hub.is_live(name)},
-        )
+        """Return what the console shows (in a thread)."""
+        links = [f"{link}{{participant}}{self._hash()}" for link in self.config.phone_links]
+        return self._view.state(links, on_phone=self.hub.is_live)
 
     def _tell_console(self) -> None:
-        if self.hub.is_live(CONSOLE):
-            self.hub.send(CONSOLE, self._console())
+        """Have the console told soon; what changes until then is told at once."""
+        if self._telling is None and self.hub.is_live(CONSOLE):
+            self._telling = asyncio.get_running_loop().create_task(self._tell_soon())
+
+    async def _tell_soon(self) -> None:
+        await asyncio.sleep(CONSOLE_PERIOD_S)
+        self._telling = None
+        state = await run_in_threadpool(self._console)
+        self.hub.send(CONSOLE, state, replaces=True)
 
     def _hash(self) -> str:
         return "" if self.config.token is None else f"#token={self.config.token}"
@@ -308,6 +323,8 @@ def _refusals(folder: Path) -> dict[Any, Any]:
                 )
             case NotNow():
                 return problem(409, str(error), kind="out-of-date")
+            case TooMuch():
+                return problem(413, str(error), kind="too-large")
             case UnknownParticipant():
                 return problem(404, str(error))
             case SessionGone():
@@ -328,6 +345,14 @@ def _refusals(folder: Path) -> dict[Any, Any]:
                 return problem(500, sentence)
 
     return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
+
+
+def _qr_svg(link: str) -> bytes:
+    picture = io.BytesIO()
+    segno.make(link, error="m").save(
+        picture, kind="svg", scale=5, border=3, dark="#0d0f12", light="#ffffff", xmldecl=False
+    )
+    return picture.getvalue()
 
 
 def _step(request: Request) -> str:

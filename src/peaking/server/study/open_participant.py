@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
 from peaking.errors import PeakingError, StudyError
 from peaking.server.study import wire
 from peaking.study import records
@@ -19,9 +21,15 @@ from peaking.study.procedure import (
     states_of,
     steps_of,
 )
-from peaking.study.protocol import FILE_NAME, Protocol
+from peaking.study.protocol import FILE_NAME, Protocol, Trial
 from peaking.study.questionnaires import Answer, problems
-from peaking.study.records import AnyEvent, ParticipantRecord, record_of
+from peaking.study.records import (
+    AnyEvent,
+    ParticipantRecord,
+    TrialRecord,
+    record_of,
+    trial_record_of,
+)
 
 CAPTURING = ("practice", "scan", "capture")
 """Kinds of steps that have a capture session."""
@@ -30,6 +38,18 @@ MAX_SESSIONS = 500
 """Capture sessions of one participant: a page that is reloaded begins another."""
 
 E = TypeVar("E", bound=records.Event)
+
+
+MAX_DRAFT_BYTES = 200_000
+MAX_DRAFTS_BYTES = 20_000_000
+"""Of one change of a half-filled form, and of all that one participant makes."""
+
+MAX_TOLD = 100_000
+"""Events that one participant's phone tells: a day of them."""
+
+
+class TooMuch(PeakingError):
+    """More is sent than anybody types or does; it is not kept."""
 
 
 class NotNow(PeakingError):
@@ -62,15 +82,28 @@ class OpenParticipant:
         self._clock = clock
         self._log = records.log_of(study, pseudonym)
         self._log.mend()
-        self.events: list[AnyEvent] = records.read_events(self._log)
+        self.events: list[AnyEvent] = []
+        self.sparse_events: list[AnyEvent] = []
+        self._of_trials: dict[str, list[AnyEvent]] = {}
+        self._drafts: dict[str, dict[str, Answer]] = {}
+        self._draft_bytes = 0
+        self._take(records.read_events(self._log))
         self._check_trials(study)
         self.steps = steps_of(protocol, [t.trial for t in self.record.trials])
         self._told = {e.id for e in self.events if isinstance(e, records.PhoneEvent)}
 
     @property
     def record(self) -> ParticipantRecord:
-        """What is known now."""
-        return record_of(self.events)
+        """What is known now, without what phones tell all the time; see `trial_record`."""
+        return record_of(self.sparse_events)
+
+    def trial_record(self, trial: Trial) -> TrialRecord:
+        """Return all that is known of one trial, in time linear in its events alone."""
+        return trial_record_of(trial, self.events_of(trial))
+
+    def events_of(self, trial: Trial) -> Sequence[AnyEvent]:
+        """Return the events of the steps of a trial."""
+        return self._of_trials.get(trial.key, [])
 
     @property
     def id(self) -> str | None:
@@ -85,22 +118,16 @@ class OpenParticipant:
     @property
     def current(self) -> tuple[Step, StepState] | None:
         """The step that is next or running."""
-        return current(self.steps, self.events)
+        return current(self.steps, self.sparse_events)
 
     @property
     def states(self) -> list[StepState]:
         """Where each step stands."""
-        return states_of(self.steps, self.events)
+        return states_of(self.steps, self.sparse_events)
 
     def draft(self, step: str) -> dict[str, Answer]:
         """Return what was filled in so far."""
-        found: dict[str, Answer] = {}
-        for event in self.events:
-            if isinstance(event, records.DraftKept) and event.step == step:
-                found.update(event.answers)
-            elif isinstance(event, records.StepRepeated) and event.step == step:
-                found.clear()
-        return found
+        return dict(self._drafts.get(step, {}))
 
     @property
     def agreed(self) -> bool:
@@ -116,7 +143,7 @@ class OpenParticipant:
         kinds = ("practice",) if step.kind == "practice" else ("scan", "capture")
         keys = [f"{step.trial.key}.{kind}" for kind in kinds]
         found = None
-        for event in self.events:
+        for event in self.sparse_events:
             if isinstance(event, records.SessionLinked) and event.step in keys:
                 found = event.session
             elif isinstance(event, records.StepRepeated) and event.step in keys:
@@ -160,7 +187,7 @@ class OpenParticipant:
             self._step(step)
             if (new_id, step) in [(e.id, e.step) for e in self._events_of(records.StepRepeated)]:
                 return
-            again = repeated_with(self.steps, step, self.events)
+            again = repeated_with(self.steps, step, self.sparse_events)
             if not again:
                 raise NotNow("This part has not been done yet.")
             at_s = self._clock()
@@ -219,7 +246,12 @@ class OpenParticipant:
             form = self._form(step)
             known = {item.id for item in form.items}
             answers = {name: value for name, value in draft.answers.items() if name in known}
+            before = self._drafts.get(step, {})
+            answers = {name: a for name, a in answers.items() if before.get(name, ...) != a}
             if answers:
+                size = len(msgspec.json.encode(answers))
+                if size > MAX_DRAFT_BYTES or self._draft_bytes + size > MAX_DRAFTS_BYTES:
+                    raise TooMuch("Too much was typed here to keep it all. Hand the form in.")
                 self._append(records.DraftKept(self._clock(), step=step, answers=answers))
 
     def answer(self, step: str, given: wire.Answered) -> None:
@@ -277,6 +309,8 @@ class OpenParticipant:
                 raise NotNow("This participant has not agreed to take part: nothing is kept.")
             known = {step.key for step in self.steps} - self._repeated_since(session)
             new = {e.id: e for e in told if e.id not in self._told and e.step in known}
+            if len(self._told) + len(new) > MAX_TOLD:
+                raise TooMuch("This participant's phone has told too much to keep more of it.")
             if new:
                 at_s = self._clock()
                 self._append(*[_phone_event(event, at_s) for event in new.values()])
@@ -287,14 +321,14 @@ class OpenParticipant:
         with self.lock:
             if self.record.images:
                 return []
-            gone = {e.session for e in self.events if isinstance(e, records.ImagesErased)}
+            gone = {e.session for e in self.sparse_events if isinstance(e, records.ImagesErased)}
             now = self.current
             busy = set[str]()
             if now is not None and now[0].trial is not None:
                 busy = {f"{now[0].trial.key}.{kind}" for kind in CAPTURING}
             return [
                 e.session
-                for e in self.events
+                for e in self.sparse_events
                 if isinstance(e, records.SessionLinked)
                 and e.session not in gone
                 and not (e.step in busy and not self.is_done(f"{e.step.partition('.')[0]}.review"))
@@ -320,16 +354,16 @@ class OpenParticipant:
         return begun
 
     def _events_of(self, kind: type[E]) -> list[E]:
-        return [event for event in self.events if isinstance(event, kind)]
+        return [event for event in self.sparse_events if isinstance(event, kind)]
 
     def _repeated_since(self, session: str) -> set[str]:
         """Return the steps that were repeated after a capture session was begun."""
         linked = [
             index
-            for index, event in enumerate(self.events)
+            for index, event in enumerate(self.sparse_events)
             if isinstance(event, records.SessionLinked) and event.session == session
         ]
-        later = self.events[linked[-1] :] if linked else []
+        later = self.sparse_events[linked[-1] :] if linked else []
         return {event.step for event in later if isinstance(event, records.StepRepeated)}
 
     def _check_trials(self, study: Path) -> None:
@@ -345,6 +379,27 @@ class OpenParticipant:
 
     def _append(self, *events: AnyEvent) -> None:
         self._log.append(*events)
+        self._take(events)
+
+    def _take(self, events: Sequence[AnyEvent]) -> None:
+        """Remember events by what asks for them; thousands of them are phones' and drafts."""
+        trials = set(self._of_trials)
+        if not self.events:
+            begun = events[0]
+            assert isinstance(begun, records.ParticipantBegun)
+            trials = {trial.key for trial in begun.trials}
+            self._of_trials = {key: [] for key in trials}
+        for event in events:
+            if isinstance(event, records.DraftKept):
+                self._drafts.setdefault(event.step, {}).update(event.answers)
+                self._draft_bytes += len(msgspec.json.encode(event.answers))
+            elif not isinstance(event, records.PhoneEvent):
+                self.sparse_events.append(event)
+            if isinstance(event, records.StepRepeated):
+                self._drafts.pop(event.step, None)
+            trial = (records.step_of(event) or "").partition(".")[0]
+            if trial in trials:
+                self._of_trials[trial].append(event)
         self.events += events
 
     def _step(self, key: str) -> Step:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+
+import msgspec
+
 from peaking.server.study import wire
 from peaking.server.study.open_participant import OpenParticipant
 from peaking.server.study.open_study import OpenStudy
 from peaking.study import records
 from peaking.study.measures import measures_of
 from peaking.study.procedure import Step
-from peaking.study.protocol import Protocol
+from peaking.study.protocol import Protocol, Trial
 from peaking.study.records import AnyEvent, TrialRecord
 from peaking.study.texts import Texts
 
@@ -31,8 +36,9 @@ def participant_state(participant: OpenParticipant, texts: Texts) -> wire.Partic
         )
 
 
-def participant_line(participant: OpenParticipant, *, on_phone: bool) -> wire.ParticipantLine:
-    """Return what the console shows of a participant."""
+def _participant_line(
+    participant: OpenParticipant, trials: list[wire.TrialLine]
+) -> wire.ParticipantLine:
     with participant.lock:
         record, now = participant.record, participant.current
         return wire.ParticipantLine(
@@ -41,27 +47,67 @@ def participant_line(participant: OpenParticipant, *, on_phone: bool) -> wire.Pa
             current=None if now is None else now[0].key,
             excluded=record.excluded,
             images=record.images,
-            on_phone=on_phone,
+            on_phone=False,
             steps=_step_lines(participant),
-            trials=[_trial_line(trial, participant.protocol) for trial in record.trials],
+            trials=trials,
             notes=list(record.notes),
         )
 
 
-def console_state(
-    study: OpenStudy, *, phone_links: list[str], on_phone: set[str]
-) -> wire.ConsoleState:
-    """Return what the console shows."""
-    return wire.ConsoleState(
-        title=study.protocol.title,
-        planned=study.protocol.planned_participants,
-        remarks=study.remarks,
-        phone_links=phone_links,
-        participants=[
-            participant_line(p, on_phone=p.pseudonym in on_phone)
-            for p in study.participants.values()
-        ],
-    )
+class ConsoleView:
+    """What the console shows. A line is made anew when its events have become more, and only then.
+
+    Events are only ever added, so their number says whether a line is up to date. For one thread
+    at a time.
+    """
+
+    def __init__(self, study: OpenStudy) -> None:
+        """Begin without lines."""
+        self._study = study
+        self._remarks: list[str] = []
+        self._lines: dict[str, tuple[int, wire.ParticipantLine]] = {}
+        self._trials: dict[tuple[str, str], tuple[int, wire.TrialLine]] = {}
+        self._lock = threading.Lock()
+
+    def state(
+        self, phone_links: list[str], *, on_phone: Callable[[str], bool]
+    ) -> wire.ConsoleState:
+        """Return what it shows now; a participant is `on_phone` while a page of theirs is open."""
+        with self._lock:
+            participants = self._study.participants.copy()
+            if not self._lines or participants.keys() != self._lines.keys():
+                gone = self._lines.keys() - participants.keys()
+                self._lines = {p: line for p, line in self._lines.items() if p not in gone}
+                self._trials = {k: line for k, line in self._trials.items() if k[0] not in gone}
+                self._remarks = self._study.remarks
+            return wire.ConsoleState(
+                title=self._study.protocol.title,
+                planned=self._study.protocol.planned_participants,
+                remarks=self._remarks,
+                phone_links=phone_links,
+                participants=[
+                    msgspec.structs.replace(self._line(participant), on_phone=on_phone(name))
+                    for name, participant in participants.items()
+                ],
+            )
+
+    def _line(self, participant: OpenParticipant) -> wire.ParticipantLine:
+        number, line = self._lines.get(participant.pseudonym, (0, None))
+        events = len(participant.events)
+        if line is None or number != events:
+            trials = [self._trial(participant, t.trial) for t in participant.record.trials]
+            line = _participant_line(participant, trials)
+            self._lines[participant.pseudonym] = events, line
+        return line
+
+    def _trial(self, participant: OpenParticipant, trial: Trial) -> wire.TrialLine:
+        key = participant.pseudonym, trial.key
+        number, line = self._trials.get(key, (0, None))
+        events = len(participant.events_of(trial))
+        if line is None or number != events:
+            line = _trial_line(participant.trial_record(trial), participant.protocol)
+            self._trials[key] = events, line
+        return line
 
 
 def _shown_step(
@@ -92,7 +138,7 @@ def _shown_step(
 def _step_lines(participant: OpenParticipant) -> list[wire.StepLine]:
     began: dict[str, float] = {}
     ended: dict[str, float] = {}
-    for event in participant.events:
+    for event in participant.sparse_events:
         match event:
             case records.StepStarted():
                 began[event.step] = event.at_s
