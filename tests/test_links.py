@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foreign_pictures import GPS, telling_png
+from peaking.cli import main
 from peaking.datasets import open_recording
 from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import RecordingError
@@ -163,3 +165,36 @@ def test_no_path_leaves_the_recording(folder: Path, key: str, at_top: bool) -> N
         with pytest.raises(RecordingError, match="points outside") as caught:
             open_recording(folder)
         assert str(caught.value.field).endswith(key)
+
+
+@pytest.mark.parametrize("command", ["replay", "demo"])
+def test_commands_say_how_links_are_allowed(
+    folder: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved_out(folder, "images/frame_00002.png")
+    more = {
+        "replay": ["--out", str(tmp_path / "out"), "--no-video"],
+        "demo": ["--no-open", "--sessions", str(tmp_path / "sessions"), "--port", "0"],
+    }
+    with pytest.raises(SystemExit) as caught:
+        main([command, str(folder), *more[command]])
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert "frame_00002.png: is reached by a link that leaves the recording" in said
+    assert "--follow-links" in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["home"]
+
+
+def test_a_replay_keeps_metadata_and_follows_links_when_it_is_told_so(
+    folder: Path, tmp_path: Path
+) -> None:
+    path = folder / "images/frame_00000.png"
+    told = telling_png(path.read_bytes())
+    path.write_bytes(told)
+    moved_out(folder, "images/frame_00000.png")
+    out = tmp_path / "out"
+    command = ["replay", str(folder), "--out", str(out), "--no-video", "--max-frames", "1"]
+    main([*command, "--follow-links", "--keep-exif"])
+    assert (out / "captured/images/frame_00000.png").read_bytes() == told
+    main([*command[:3], str(tmp_path / "bare"), *command[4:], "--follow-links"])
+    assert GPS not in (tmp_path / "bare/captured/images/frame_00000.png").read_bytes()
