@@ -86,7 +86,7 @@ def test_what_is_there_already_is_not_read_again(port: int) -> None:
 
 def test_strangers_take_no_room(port: int) -> None:
     strange = half_sent(capture_path(1), f"Content-Length: {LARGEST}").replace(
-        b"Bearer ", b"Bearer no"
+        b"Authorization: ", b"X-Nothing: "
     )
     strangers = [connect(port, strange + b"x" * 1000) for _ in range(20)]
     assert [c.recv(12) for c in strangers] == [b"HTTP/1.1 401"] * 20
