@@ -44,7 +44,7 @@ class SessionStore:
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
-        self._folder = StoreFolder(root)
+        self._folder = StoreFolder(root, clock=clock)
         self.problems = self._folder.clean()
         for folder in self._folder.sessions():
             if not (folder / session_log.FILE_NAME).is_file():

@@ -14,7 +14,7 @@ import shutil
 import sys
 import time
 import weakref
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import msgspec
@@ -49,8 +49,12 @@ class Holder(msgspec.Struct, frozen=True):
 class StoreFolder:
     """A folder of sessions that this process has, until it is closed or the process ends."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *, clock: Callable[[], float]) -> None:
         """Make the folder where it is not there, and lock it.
+
+        Args:
+            root: The folder.
+            clock: Seconds since 1970.
 
         Raises:
             OutputError: Another process has it, or it cannot be written to.
@@ -70,7 +74,7 @@ class StoreFolder:
                 f"{root}: sessions cannot be kept there ({error.strerror}); give a folder that you "
                 "may write to"
             ) from error
-        self._take()
+        self._take(now_s=clock())
         self._tombstones: EventLog[Erased] = EventLog(root / OWN / "erased.jsonl", Erased)
         self.problems: list[str] = []
         self.erased_ids = self._read_tombstones()
@@ -137,7 +141,7 @@ class StoreFolder:
                     )
         return problems
 
-    def _take(self) -> None:
+    def _take(self, *, now_s: float) -> None:
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -153,7 +157,7 @@ class StoreFolder:
                 f"{self.root}: cannot be locked ({error.strerror}); give a folder on a local disk"
             ) from error
         command = "peaking " + (sys.argv[1] if sys.argv[1:] and sys.argv[1].isalpha() else "")
-        holder = Holder(os.getpid(), command.strip(), time.time())
+        holder = Holder(os.getpid(), command.strip(), now_s)
         os.truncate(self._lock, 0)
         os.pwrite(self._lock, msgspec.json.encode(holder), 0)
 
