@@ -21,13 +21,17 @@ from limited_server import limited_server
 from peaking.datasets import open_recording
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.connections import ConnectionLimits
+from peaking.server.devices import Devices
 from peaking.server.openapi import OPERATIONS
+from peaking.server.pairing_codes import CONSOLE as CONSOLE_GRANT
 from peaking.server.recordings import PlayedRecording
 from peaking.server.sessions import SessionStore
 from peaking.server.study.app import StudyServerOptions, create_study_app
 from peaking.server.study.open_study import OpenStudy
 from peaking.server.study.openapi import STUDY_OPERATIONS
+from peaking.server.wire import PROTOCOL
 from peaking.study.protocol import FILE_NAME
+from server.test_app import credential_of
 from study.test_protocol import SMALL
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
@@ -41,6 +45,9 @@ THEIR = f"{CONSOLE}/participants/P01"
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
 CAPTURE = f"{SESSION}/captures/{capture_id(1)}"
 OTHER = "/api/v1/sessions/5e551011-0000-4000-8000-000000000002"
+SHOWN: dict[str, str] = {}
+"""The credential of the console that is paired with the running server."""
+
 NEW = "0f0f0f0f-0000-4000-8000-00000000000"
 
 
@@ -124,12 +131,16 @@ def port(tmp_path: Path, watch: Watch) -> Generator[int, None, None]:
     sessions = SessionStore(tmp_path / "sessions")
     study = OpenStudy(tmp_path, sessions)
     recordings = {"desk": PlayedRecording("desk", open_recording(DESK))}
-    config = ServerOptions(devices=None, client_dir=pages, recordings=recordings)
+    devices = Devices(sessions.root, usual=CONSOLE_GRANT)
+    SHOWN["Authorization"] = f"Bearer {credential_of(devices)}"
+    config = ServerOptions(
+        devices=devices, client_dir=pages, recordings=recordings, pages=["http://localhost/"]
+    )
     links = ["http://localhost/participant?participant="]
     app = create_study_app(
         study=study,
         capture=create_app(store=sessions, config=config),
-        config=StudyServerOptions(devices=None, client_dir=pages, phone_links=links),
+        config=StudyServerOptions(devices=devices, client_dir=pages, phone_links=links),
     )
 
     async def watched(scope: Scope, receive: Receive, send: Send) -> None:
@@ -148,7 +159,10 @@ REQUESTS: list[tuple[str, str, Any]] = [
     ("get", "/nothing.js", None),
     ("get", "/participant", None),
     ("get", "/api/v1/server", None),
-    ("post", "/api/v1/pair", None),
+    ("post", "/api/v1/pair", {"protocol": PROTOCOL, "code": "x" * 24, "device": f"{NEW}6"}),
+    ("get", "/api/v1/devices", None),
+    ("post", "/api/v1/devices/codes", {}),
+    ("delete", f"/api/v1/devices/{NEW}6", None),
     ("get", "/api/v1/openapi.json", None),
     ("get", "/api/v1/events", None),
     ("put", SESSION, new_session()),
@@ -177,7 +191,6 @@ REQUESTS: list[tuple[str, str, Any]] = [
     ("get", "/api/v1/recordings/desk", None),
     ("get", "/api/v1/recordings/desk/frames/0/photo", None),
     ("get", "/api/v1/recordings/desk/frames/0/depth", None),
-    ("post", f"{CONSOLE}/pair", None),
     ("get", f"{CONSOLE}/events", None),
     ("put", f"{CONSOLE}/participants/{NEW}2", None),
     ("get", f"{PARTICIPANT}/events", None),
@@ -193,7 +206,7 @@ REQUESTS: list[tuple[str, str, Any]] = [
     ("put", f"{THEIR}/steps/t1.practice/finished", None),
     ("put", f"{THEIR}/steps/t1.practice/repetitions/{NEW}4", {"text": "again"}),
     ("put", f"{THEIR}/notes/{NEW}5", {"text": "a note"}),
-    ("get", f"{THEIR}/qr.svg", None),
+    ("post", f"{THEIR}/codes", None),
     ("put", f"{THEIR}/excluded", {"text": "a reason"}),
 ]
 
@@ -203,7 +216,8 @@ def ask(port: int, method: str, path: str, body: Any, streams: contextlib.ExitSt
     connection = http.client.HTTPConnection("localhost", port, timeout=60)
     streams.callback(connection.close)
     while True:
-        connection.request(method.upper(), path, None if isinstance(body, str) else sent)
+        content = None if isinstance(body, str) else sent
+        connection.request(method.upper(), path, content, headers=SHOWN)
         answer = connection.getresponse()
         if path.endswith("/events"):
             assert answer.readline().startswith(b"data:")

@@ -47,8 +47,6 @@ def test_the_standard_library_reads_no_cookie_of_a_stranger(
         for cookie in ('a="' + "\\" * 10_000, "peaking_token=" + '"' * 10_000, ";" * 10_000):
             answer = client.get("/api/v1/server", headers={"Cookie": cookie})
             assert answer.status_code == 401
-        headers = {"Cookie": 'x="\\\\\\; peaking_token=a-token-of-this-test'}
-        assert client.get("/api/v1/server", headers=headers).status_code == 200
 
 
 def test_a_connection_is_told_that_it_is_paired(tmp_path: Path) -> None:
@@ -59,7 +57,7 @@ def test_a_connection_is_told_that_it_is_paired(tmp_path: Path) -> None:
     assert scope[requests.DEVICE] == "device 7"
 
 
-def _nothing(_: object) -> None:
+def _nothing(*_: object) -> None:
     pass
 
 
