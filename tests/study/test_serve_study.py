@@ -536,7 +536,7 @@ def test_who_is_erased_stays_erased_whatever_phones_send(client: TestClient, stu
             again.put(capture_of(SESSION, 2), content=upload(2)),
             again.get(f"/api/v1/sessions/{SESSION}"),
         ):
-            assert answer.status_code in (403, 410)
+            assert answer.status_code == 410
         assert again.get(P01).status_code == 404
     assert photos_of(study) == set()
 
@@ -617,3 +617,33 @@ def test_a_damaged_log_sets_aside_its_participant_and_nobody_else(
 def read_participants_but(study: Path, pseudonym: str) -> list[ParticipantRecord]:
     names = [name for name in pseudonyms(study) if name != pseudonym]
     return [record_of(read_events(log_of(study, name))) for name in names]
+
+
+def test_a_phone_sees_no_capture_of_another_participant(study: Path) -> None:
+    devices = Devices(study / "sessions", usual=CONSOLE_GRANT)
+    with open_client(study, devices=devices) as client:
+        console = pair(client, devices.codes.give(CONSOLE_GRANT))
+        for _ in range(2):
+            client.put(f"{CONSOLE}/participants/{uuid4()}", headers=console)
+        phone = pair(client, code_for(client, console, "P01"))
+        other = pair(client, code_for(client, console, "P02"))
+        client.headers.update(phone)
+        consent(client)
+        key = step(client)
+        client.put(f"{CONSOLE}/participants/P01/steps/{key}/started", headers=console)
+        assert link(client, key) == 200
+        session = f"/api/v1/sessions/{SESSION}"
+        assert client.put(session, json=BEGUN, headers=other).status_code == 403
+        assert client.put(session, json=BEGUN).status_code == 201
+        assert client.put(capture_of(SESSION), content=upload(1)).status_code == 201
+        for path in (session, f"{session}/events", f"{session}/dataset.zip", f"{session}/peaked"):
+            assert client.get(path, headers=other).status_code == 403
+        for what in ("photo", "thumbnail", "mpi"):
+            path = f"{capture_of(SESSION)}/{what}"
+            assert client.get(path, headers=other).status_code == 403
+        assert client.delete(capture_of(SESSION), headers=other).status_code == 403
+        assert (
+            client.put(capture_of(SESSION, 2), content=upload(2), headers=other).status_code == 403
+        )
+        assert client.get(f"{capture_of(SESSION)}/photo").status_code == 200
+        assert client.get(f"{capture_of(SESSION)}/photo", headers=console).status_code == 200

@@ -15,6 +15,10 @@ class NotAdmitted(PeakingError):
 class Admission(Protocol):
     """Decides what a paired device may do with sessions. Called from threads."""
 
+    def owner(self, session_id: str) -> str | None:
+        """Return whose a session is; None where it belongs to nobody. Never waits."""
+        ...
+
     def to_begin(self, session_id: str) -> str | None:
         """Return whose session this will be; None where sessions belong to nobody.
 
@@ -42,6 +46,10 @@ class Admission(Protocol):
 
 class Everybody:
     """Every paired device may do everything: the sessions are its owner's."""
+
+    def owner(self, session_id: str) -> str | None:
+        """Return None: sessions belong to nobody in particular."""
+        return None
 
     def to_begin(self, session_id: str) -> str | None:
         """Return None: sessions belong to nobody in particular."""

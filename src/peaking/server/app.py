@@ -30,11 +30,11 @@ from peaking.options import DEFAULT, Options
 from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
-from peaking.server.auth import Guard
+from peaking.server.auth import KNOWN, Guard
 from peaking.server.bodies import BoundedBodies
 from peaking.server.dataset import zip_stream
 from peaking.server.device_routes import DeviceHandlers, looked_after
-from peaking.server.devices import Devices
+from peaking.server.devices import Device, Devices
 from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom, Share
@@ -190,6 +190,9 @@ class _Handlers:
 
     async def begin_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
+        with contextlib.suppress(UnknownSession):
+            self.store.get(session_id)  # one that is gone is gone, whoever asks
+        self._refuse_others(request, session_id)
         new = await read_json(request, wire.NewSession)
         check_protocol(new.protocol, by="client")
         session, created = await run_in_threadpool(self._begin, session_id, new)
@@ -389,7 +392,9 @@ class _Handlers:
         return session.summary(live=self.hub.is_live(session.id))
 
     def _session(self, request: Request) -> OpenSession:
-        return self.store.get(id_in_path(request, "session"))
+        session = self.store.get(id_in_path(request, "session"))
+        self._refuse_others(request, session.id)
+        return session
 
     async def _session_to_change(self, request: Request) -> OpenSession:
         """Return a session that may be added to."""
@@ -403,7 +408,17 @@ class _Handlers:
 
     def _any_session(self, request: Request) -> OpenSession:
         """Return a session that may be deleted."""
-        return self.store.get_any(id_in_path(request, "session"))
+        session = self.store.get_any(id_in_path(request, "session"))
+        self._refuse_others(request, session.id)
+        return session
+
+    def _refuse_others(self, request: Request, session_id: str) -> None:
+        """Refuse a participant's phone what is another participant's."""
+        device: Device | None = request.scope.get(KNOWN)
+        if device is None or device.role != "participant":
+            return
+        if self.admission.owner(session_id) not in device.participants:
+            raise NotAdmitted("This capture is another participant's.")
 
 
 def create_app(

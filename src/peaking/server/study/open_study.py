@@ -155,6 +155,10 @@ class OpenStudy:
             participant.link(step, begun)
             self._owners = {**self._owners, begun.session: participant.pseudonym}
 
+    def owner(self, session_id: str) -> str | None:
+        """Return the participant who was granted a session, or nobody."""
+        return self._owners.get(session_id)
+
     def to_begin(self, session_id: str) -> str | None:
         """Return the participant who was granted a session.
 
