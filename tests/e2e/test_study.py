@@ -368,8 +368,7 @@ def test_the_console_and_a_phone_are_paired_by_links_that_work_once(
     desk, phone, stranger = (browser.new_context() for _ in range(3))
     problems: list[str] = []
     try:
-        link = server.said[-1].strip()
-        assert "/study#code=" in link
+        (link,) = (line.strip() for line in server.said if "/study#code=" in line)
         console = open_page(desk, link, problems)
         console.get_by_role("button", name="Add participant").click()
         shown = console.locator(".phone-link a")
@@ -379,7 +378,7 @@ def test_the_console_and_a_phone_are_paired_by_links_that_work_once(
         assert first
         assert "#code" not in shown.first.inner_text()  # nobody reads it over a shoulder
         page = open_page(phone, first, problems)
-        heading(page, "Consent")
+        heading(page, "Before we begin")
         # It is used up, so the console shows another one.
         wait_for(console, "old => document.querySelector('.phone-link a')?.href !== old", first)
         late = open_page(stranger, first, problems)
