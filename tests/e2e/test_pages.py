@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect
 
 from e2e.virtual_phone_page import PATIENCE_MS, VirtualPhonePage, keep_picture, moved
 from live_server import LiveServer
@@ -126,8 +126,7 @@ def test_a_link_pairs_one_device_which_stays_paired_until_it_is_revoked(
         keep_picture(desk, "devices-wide")
         desk.on("dialog", lambda dialog: dialog.accept())
         desk.get_by_role("button", name="Revoke Chrome on Pixel 9").click()
-        moved_on = "document.querySelectorAll('.device').length === 1"
-        desk.wait_for_function(moved_on)
+        expect(desk.locator(".device")).to_have_count(1, timeout=PATIENCE_MS)
         page.get_by_role("alert").get_by_text("Pair this device first").wait_for()
         assert page.locator(".device").count() == 0
     finally:
