@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from peaking.limits import MAX_SCAN_PIXELS, MAX_SCANS, MAX_SEGMENTS
@@ -106,8 +106,12 @@ def tidied(data: bytes, *, zeros: bool) -> bytes:
     return b"".join(parts)
 
 
-def check_jpeg(data: bytes) -> tuple[int, int]:
+def check_jpeg(data: bytes, parts: Iterable[Segment] | None = None) -> tuple[int, int]:
     """Return width and height of a JPEG that can be decoded with bounded memory and time.
+
+    Args:
+        data: The JPEG.
+        parts: Its `segments`, where they are known.
 
     Raises:
         ValueError: It has no picture, or one of a kind that is not read.
@@ -115,7 +119,7 @@ def check_jpeg(data: bytes) -> tuple[int, int]:
     """
     size_px: tuple[int, int] | None = None
     scans = 0
-    for segment in segments(data):
+    for segment in segments(data) if parts is None else parts:
         if segment.marker in FRAMES:
             if segment.marker not in (SOF0, SOF1, SOF2):
                 raise ValueError("is lossless, hierarchical or in arithmetic coding")

@@ -8,6 +8,8 @@ EXIF notes goes too: all that `peaking` reads and writes is about the pixels as 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from peaking.pictures import jpeg, png, webp
 
 _JPEG_CODING = jpeg.FRAMES | {jpeg.DHT, jpeg.DAC, jpeg.DQT, jpeg.DNL, jpeg.DRI, jpeg.SOS, jpeg.EOI}
@@ -28,7 +30,7 @@ def without_metadata(data: bytes) -> bytes:
         ValueError: It is no sound picture of these kinds, nor one that cannot have metadata.
     """
     if data.startswith(jpeg.START):
-        return _jpeg(data)
+        return jpeg_without_metadata(data, jpeg.segments(data))
     if data.startswith(png.START):
         return png.png_of(data, _PNG_KINDS)
     if webp.is_webp(data):
@@ -38,9 +40,10 @@ def without_metadata(data: bytes) -> bytes:
     raise ValueError("is of a kind whose metadata cannot be removed")
 
 
-def _jpeg(data: bytes) -> bytes:
+def jpeg_without_metadata(data: bytes, segments: Iterable[jpeg.Segment]) -> bytes:
+    """Return a JPEG, whose segments are known, with the same pixels and without metadata."""
     parts = [jpeg.START]
-    for segment in jpeg.segments(data):
+    for segment in segments:
         body = data[segment.body : segment.end]
         if segment.marker in _JPEG_CODING:
             parts.append(data[segment.start : segment.end])

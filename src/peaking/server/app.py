@@ -37,7 +37,7 @@ from peaking.server.device_routes import DeviceHandlers, looked_after
 from peaking.server.devices import Device, Devices
 from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
-from peaking.server.fair_room import Busy, FairRoom, Share
+from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import (
     NotRestorable,
@@ -273,17 +273,22 @@ class _Handlers:
     # Captures
 
     async def upload(self, request: Request) -> Response:
-        session = await self._session_to_change(request)
+        session = self._session(request)
         capture_id = id_in_path(request, "capture")
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
         place = self.queue.reserve(device_of(request), session)
         try:
             body = await read_body(request, self.config.max_upload_bytes)
-            capture, created = await run_in_threadpool(self._keep, session, capture_id, body, place)
+            capture, created = await run_in_threadpool(self._keep, session, capture_id, body)
         except BaseException:
             place.give_back()
             raise
+        if created:  # the answer is sent before the thread that makes MPIs has its turn
+            self._tell_capture(session, capture)
+            self.queue.put(session, capture_id, place)
+        else:
+            place.give_back()
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
@@ -345,17 +350,12 @@ class _Handlers:
     # Inside
 
     def _keep(
-        self, session: OpenSession, capture_id: str, body: bytes, place: Share
+        self, session: OpenSession, capture_id: str, body: bytes
     ) -> tuple[wire.Capture, bool]:
-        """Store an upload and have its MPI made (in a thread)."""
+        """Store an upload that is admitted; return it, and whether it is new (in a thread)."""
+        self.admission.to_add(session.id)
         upload = parse_upload(body, keep_exif=self.config.keep_exif)
-        capture, created = session.store_capture(capture_id, upload)
-        if created:
-            self.queue.put(session, capture_id, place)
-            self._tell_capture(session, capture)
-        else:
-            place.give_back()
-        return capture, created
+        return session.store_capture(capture_id, upload)
 
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""

@@ -11,8 +11,8 @@ import simplejpeg
 from jaxtyping import Float32, UInt16
 
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
-from peaking.pictures.jpeg import check_jpeg
-from peaking.pictures.metadata import without_metadata
+from peaking.pictures.jpeg import check_jpeg, segments
+from peaking.pictures.metadata import jpeg_without_metadata
 from peaking.pictures.too_costly import TooCostly
 from peaking.server import wire
 from peaking.server.responses import ProblemKind
@@ -146,8 +146,9 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
 def _checked_photo(photo: bytes, pinhole: wire.Pinhole) -> bytes:
     """Return the JPEG without metadata, after a look at its size and scans; nothing is decoded."""
     try:
-        width, height = check_jpeg(photo)
-        bare = without_metadata(photo)
+        parts = list(segments(photo))
+        width, height = check_jpeg(photo, parts)
+        bare = jpeg_without_metadata(photo, parts)
         told_height, told_width, _, _ = simplejpeg.decode_jpeg_header(bare)
     except TooCostly as error:
         raise BadUpload(f"The photo {error}; {error.remedy}.") from error
