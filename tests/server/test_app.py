@@ -421,7 +421,7 @@ def test_what_was_deleted_long_ago_is_erased_while_the_server_runs(
         client.put(SESSION, json=new_session())
         client.put(capture_path(1), content=upload(1))
         client.patch(SESSION, json={"deleted": True})
-        while client.get(SESSION).json()["type"] != "urn:peaking:problem:erased":
+        while client.get(SESSION).json().get("type") != "urn:peaking:problem:erased":
             time.sleep(0.01)
     assert not list(tmp_path.rglob("*.jpg"))
 

@@ -13,14 +13,9 @@ import pytest
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
 from peaking.errors import OutputError
 from peaking.server import open_session, wire
-from peaking.server.open_session import (
-    NotRestorable,
-    OpenSession,
-    SessionGone,
-    UnknownCapture,
-    UnknownSession,
-)
-from peaking.server.sessions import RESTORABLE_S, SessionStore
+from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
+from peaking.server.session_state import UnknownCapture
+from peaking.server.sessions import RESTORABLE_S, SessionStore, UnknownSession
 from peaking.server.upload import parse_upload
 
 OTHER_ID = "5e551011-0000-4000-8000-000000000002"

@@ -33,7 +33,8 @@ from peaking.mpi_file import encode
 from peaking.server import wire
 from peaking.server.dataset import zip_stream
 from peaking.server.disk_full import DiskFull
-from peaking.server.open_session import OpenSession, UnknownCapture
+from peaking.server.open_session import OpenSession
+from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore
 from peaking.server.upload import parse_upload
 

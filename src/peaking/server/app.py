@@ -39,13 +39,7 @@ from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.generation import GenerationQueue
-from peaking.server.open_session import (
-    NotRestorable,
-    OpenSession,
-    SessionGone,
-    UnknownCapture,
-    UnknownSession,
-)
+from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
@@ -61,7 +55,8 @@ from peaking.server.responses import (
     while_it_lasts,
 )
 from peaking.server.selection import select_captures
-from peaking.server.sessions import SessionStore
+from peaking.server.session_state import UnknownCapture
+from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.thumbnails import thumbnail
 from peaking.server.told import cause_of, without_paths
 from peaking.server.upload import BadUpload, check_protocol, parse_upload

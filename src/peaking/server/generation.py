@@ -23,7 +23,8 @@ from peaking.server.attempts import counted_attempt
 from peaking.server.disk_full import DiskFull
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import FairRoom, Share
-from peaking.server.open_session import FAST, OpenSession
+from peaking.server.open_session import OpenSession
+from peaking.server.session_state import FAST
 from peaking.server.told import cause_of
 from peaking.server.upload import camera_of_wire
 from peaking.view_builder import ViewBuilder

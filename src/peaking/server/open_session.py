@@ -12,41 +12,27 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import threading
-import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
-from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.point_cloud import encode_points, read_points
 from peaking.datasets.stored_images import read_depth, read_picture
 from peaking.errors import PeakingError, RecordingError
-from peaking.event_log import append
 from peaking.frame import Frame
-from peaking.mpi_file import is_current, is_sound
-from peaking.options import GeneratorName
 from peaking.output import encode_png, flush, write_atomically, write_new
-from peaking.server import session_log, wire
-from peaking.server.dataset import (
-    depth_name,
-    frame_json,
-    photo_name,
-    points_name,
-    transforms_json,
-)
+from peaking.server import peaked_samples, session_log, wire
+from peaking.server.dataset import depth_name, frame_json, photo_name, points_name, transforms_json
 from peaking.server.disk_full import DiskFull, room_explained
-from peaking.server.recovery import recovered_captures
+from peaking.server.mending import mend
+from peaking.server.peaked_samples import PeakedSamples
+from peaking.server.session_files import TRANSFORMS, SessionFiles, is_lost
 from peaking.server.session_log import SessionLog
+from peaking.server.session_state import FAST, SessionState, UnknownCapture
 from peaking.server.told import without_paths
 from peaking.server.upload import Upload, camera_of_wire
-
-TRANSFORMS = "transforms.json"
-PEAKED = "peaked.jsonl"
-FAST: GeneratorName = "layered"
-"""The generator whose MPIs are made at once."""
 
 ERASED = "The session was erased, for good."
 DELETED = (
@@ -55,23 +41,8 @@ DELETED = (
 )
 SET_ASIDE_BYTES = 2_000_000_000
 """Of a session's photos that the program set aside; beyond it, those longest aside are deleted."""
-KEPT = ("images", "depth", "points")
-"""Folders of what was sent."""
 
-FOLDERS = (*KEPT, "mpi", "removed", *(f"removed/{name}" for name in KEPT))
 _log = logging.getLogger("peaking.server")
-
-
-MAX_PEAKED = 200_000
-"""Samples of the peaked share in a session: two days of one a second."""
-
-
-class UnknownSession(PeakingError):
-    """There is no session of this id."""
-
-
-class UnknownCapture(PeakingError):
-    """There is no capture of this id in the session."""
 
 
 class SessionGone(PeakingError):
@@ -98,59 +69,63 @@ class OpenSession:
         Raises:
             RecordingError: The beginning of the log is damaged.
         """
-        self.folder = folder
-        self.peaked_share: float | None = None
-        self.problems: list[str] = []
-        self.deleted_s: float | None = None
-        self._peaked_s: set[float] = set()
         self._clock = clock
         self._lock = threading.RLock()
-        self._log = SessionLog(folder / session_log.FILE_NAME)
-        self._captures: Mapping[str, wire.Capture] = {}
-        self._files: dict[str, list[str]] = {}
-        self._entries: dict[str, str] = {}
-        self._set_aside: list[str] = []
-        self._number = 0
         self._erased = False
-        self._finished = False
-        events, problems = self._log.read()
-        begun = events[0] if events else None
-        if not isinstance(begun, session_log.SessionBegun):
-            raise RecordingError(
-                self._log.path,
-                "does not begin with SessionBegun" + "".join(f" ({p})" for p in problems[:1]),
-                remedy="the session is set aside and its photos are untouched; open the folder as "
-                "a recording, or move it away",
-            )
-        if begun.version != session_log.VERSION:
-            raise RecordingError(
-                self._log.path,
-                f"is of version {begun.version}, this peaking reads {session_log.VERSION}",
-                field="version",
-                remedy="open it with the peaking that wrote it",
-            )
-        self.id, self.name = begun.session.id, begun.session.name
-        self._begun = begun
-        self.problems += problems
+        self._entries: dict[str, str] = {}
+        self._files = SessionFiles(folder)
+        self._log = SessionLog(folder / session_log.FILE_NAME)
+        events, self.problems = self._log.read()
+        self._state = SessionState(self._beginning(events))
         for event in events[1:]:
             try:
-                self._replay(event)
+                self._state.check(event)
+                self._state.apply(event)
             except (PeakingError, ValueError) as error:
                 kind = type(event).__name__
                 self.problems.append(f"{self._log.path}: {kind} was left out: {error}")
-        self._mend()
+        self.problems += mend(
+            self._files, self._state, self._log, at_s=clock(), damaged=bool(self.problems)
+        )
+        self._samples = PeakedSamples(folder / peaked_samples.FILE_NAME)
+        if self._samples.damaged:
+            count = self._samples.damaged
+            self.problems.append(
+                f"{self._samples.path}: {count} samples cannot be read; they were left out"
+            )
+        self.refresh_dataset()
 
     # Reading
 
     @property
-    def captures(self) -> list[wire.Capture]:
-        """All captures in the order they arrived, removed ones too."""
-        return list(self._captures.values())
+    def id(self) -> str:
+        """Its id, made by the client."""
+        return self._state.begun.session.id
 
     @property
     def owner(self) -> str | None:
         """The participant of a study who was granted this session."""
-        return self._begun.session.owner
+        return self._state.begun.session.owner
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self._state.name
+
+    @property
+    def deleted_s(self) -> float | None:
+        """When it was deleted, seconds since 1970; None while it is not."""
+        return self._state.deleted_s
+
+    @property
+    def folder(self) -> Path:
+        """Where it lies."""
+        return self._files.folder
+
+    @property
+    def captures(self) -> list[wire.Capture]:
+        """All captures in the order they arrived, removed ones too."""
+        return list(self._state.captures.values())
 
     def capture(self, capture_id: str) -> wire.Capture:
         """Return one capture.
@@ -158,10 +133,7 @@ class OpenSession:
         Raises:
             UnknownCapture: It is not here.
         """
-        found = self._captures.get(capture_id)
-        if found is None:
-            raise UnknownCapture("There is no such capture in this session.")
-        return found
+        return self._state.capture(capture_id)
 
     def shown_capture(self, capture_id: str) -> wire.Capture:
         """Return one capture whose pictures may be seen: not one that was undone.
@@ -176,18 +148,19 @@ class OpenSession:
 
     def summary(self, *, live: bool = False) -> wire.SessionSummary:
         """Return the line of the list of sessions."""
+        begun = self._state.begun
         kept = [capture for capture in self.captures if not capture.removed]
         return wire.SessionSummary(
             id=self.id,
             name=self.name,
             folder=self.folder.name,
-            source=self._begun.session.source,
-            device=self._begun.session.device,
-            created_s=self._begun.at_s,
-            finished=self._finished,
+            source=begun.session.source,
+            device=begun.session.device,
+            created_s=begun.at_s,
+            finished=self._state.finished,
             captures=len(kept),
             ready=sum(capture.state == "ready" for capture in kept),
-            peaked_share=self.peaked_share,
+            peaked_share=self._samples.last,
             live=live,
             deleted_s=self.deleted_s,
             damaged=len(self.problems),
@@ -214,12 +187,12 @@ class OpenSession:
             RecordingError: Its files cannot be read.
         """
         capture = self.capture(capture_id)
-        files = self._files[capture_id]
+        files = self._state.files(capture)
         depth_m = points_m = None
         if (name := depth_name(capture.number)) in files:
-            depth_m = read_depth(self._path(capture, name), 0.001, within=self.folder)
+            depth_m = read_depth(self._files.path(capture, name), 0.001, within=self.folder)
         if (name := points_name(capture.number)) in files:
-            points_m = read_points(self._path(capture, name), within=self.folder)
+            points_m = read_points(self._files.path(capture, name), within=self.folder)
         return Frame(
             name=f"{capture.number:06d}",
             rgb=read_picture(self.photo_path(capture_id), within=self.folder),
@@ -231,13 +204,11 @@ class OpenSession:
 
     def photo_path(self, capture_id: str) -> Path:
         """Return where the photo lies."""
-        capture = self.capture(capture_id)
-        return self._path(capture, photo_name(capture.number))
+        return self._files.photo(self.capture(capture_id))
 
     def mpi_path(self, capture_id: str, version: int = 1) -> Path:
         """Return where a version of the MPI lies, or will."""
-        suffix = "mpi" if version == 1 else f"{version}.mpi"
-        return self.folder / "mpi" / f"{self.capture(capture_id).number:06d}.{suffix}"
+        return self._files.mpi(self.capture(capture_id), version)
 
     def mpi_bytes(self, capture_id: str, version: int) -> bytes | None:
         """Return a version of an MPI; None where the file is gone or damaged.
@@ -245,12 +216,7 @@ class OpenSession:
         Raises:
             UnknownCapture: The capture is not here, or was undone.
         """
-        self.shown_capture(capture_id)
-        try:
-            data = read_bytes(self.mpi_path(capture_id, version), within=self.folder)
-        except RecordingError:
-            return None
-        return data if is_sound(data) else None
+        return self._files.mpi_bytes(self.shown_capture(capture_id), version)
 
     def kept_thumbnail(self, capture_id: str) -> bytes | None:
         """Return a capture's thumbnail; None where there is none yet, or it is damaged.
@@ -258,25 +224,16 @@ class OpenSession:
         Raises:
             UnknownCapture: The capture is not here, or was undone.
         """
-        number = self.shown_capture(capture_id).number
-        for path in (self.folder / "mpi").glob(f"{number:06d}.thumbnail.*.jpg"):
-            with contextlib.suppress(RecordingError):
-                data = read_bytes(path, within=self.folder)
-                if path.name == _thumbnail_name(number, data):
-                    return data
-        return None
+        return self._files.thumbnail(self.shown_capture(capture_id))
 
     def keep_thumbnail(self, capture_id: str, data: bytes) -> None:
         """Keep a capture's thumbnail, unless the disk is full or the capture gone meanwhile."""
         with self._lock:
             capture = self.capture(capture_id)
-            if self._erased or self.deleted_s is not None or _is_lost(capture):
+            if self._erased or self.deleted_s is not None or is_lost(capture):
                 return
-            for damaged in (self.folder / "mpi").glob(f"{capture.number:06d}.thumbnail.*"):
-                damaged.unlink(missing_ok=True)
-            path = self.folder / "mpi" / _thumbnail_name(capture.number, data)
             with contextlib.suppress(DiskFull), room_explained():
-                write_atomically(path, data)
+                self._files.keep_thumbnail(capture, data)
 
     def dataset_files(self) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone or set aside.
@@ -287,15 +244,15 @@ class OpenSession:
         with self._lock:
             self._refuse_gone()
             files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms())]
-            for capture in self._captures.values():
-                if capture.removed:
-                    continue
-                files += [(name, self._path(capture, name)) for name in self._files[capture.id]]
+            for capture in self.captures:
+                if not capture.removed:
+                    names = self._state.files(capture)
+                    files += [(name, self._files.path(capture, name)) for name in names]
             return files
 
     def peaked(self) -> list[wire.PeakedSample]:
         """Return all that phones told about peaked shares, without damaged samples."""
-        return self._read_samples()[0]
+        return self._samples.read()
 
     # Changing
 
@@ -309,9 +266,9 @@ class OpenSession:
         """
         with self._lock:
             self._refuse_gone()
-            if capture_id in self._captures:
-                return self._captures[capture_id], False
-            number = self._number + 1
+            with contextlib.suppress(UnknownCapture):
+                return self.capture(capture_id), False
+            number = self._state.number + 1
             header = upload.header
             stored = session_log.CaptureStored(
                 at_s=self._clock(),
@@ -339,10 +296,11 @@ class OpenSession:
                     path.unlink(missing_ok=True)
                 raise
             except BaseException:
-                self._number = number  # what was written may be there still: nothing replaces it
+                # What was written may be there still: nothing replaces it.
+                self._state.number = number
                 raise
-            self._replay(stored)
-            return self._captures[capture_id], True
+            self._state.apply(stored)
+            return self.capture(capture_id), True
 
     def remove_capture(self, capture_id: str) -> wire.Capture:
         """Undo a capture; again does nothing. It can be restored until the session is finished.
@@ -389,7 +347,7 @@ class OpenSession:
                 raise NotRestorable(_why_not_restorable(capture))
             # The files first: a photo in removed/ was taken back, whatever the log says.
             restored = session_log.CaptureRestored(self._clock(), id=capture_id)
-            self._put_files_where_they_belong(msgspec.structs.replace(capture, removed=False))
+            self._place(msgspec.structs.replace(capture, removed=False))
             self._note(restored)
             return self.capture(capture_id)
 
@@ -405,7 +363,7 @@ class OpenSession:
             self._refuse_gone()
             if self.capture(capture_id).ending != "erased":
                 self._note(session_log.CaptureErased(self._clock(), id=capture_id))
-            self._put_files_where_they_belong(self.capture(capture_id))
+            self._place(self.capture(capture_id))
             return self.capture(capture_id)
 
     def mark_ready(
@@ -418,10 +376,10 @@ class OpenSession:
         """
         with self._lock, room_explained():
             gone = self._erased or self.deleted_s is not None
-            if gone or _is_lost(self.capture(capture_id)):
+            if gone or is_lost(self.capture(capture_id)):
                 return self.mark_failed(capture_id, ERASED if self._erased else DELETED)
             version = self.capture(capture_id).mpi_version + 1
-            write_atomically(self.mpi_path(capture_id, version), mpi)
+            write_atomically(self._files.mpi(self.capture(capture_id), version), mpi)
             made = session_log.MpiMade(
                 at_s=self._clock(),
                 id=capture_id,
@@ -430,8 +388,8 @@ class OpenSession:
                 guessed=guessed,
             )
             self._log.append(made)
-            self._replay(made)
-            return self._change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
+            self._state.apply(made)
+            return self._state.change(capture_id, state="ready", mpi_bytes=len(mpi), problem=None)
 
     def mark_damaged(self, capture_id: str, version: int) -> bool:
         """Have an MPI made again whose file is gone or damaged; False when that is due already."""
@@ -439,7 +397,7 @@ class OpenSession:
             capture = self.capture(capture_id)
             if capture.state != "ready" or capture.mpi_version != version:
                 return False
-            self._change(capture_id, state="queued", mpi_bytes=None)
+            self._state.change(capture_id, state="queued", mpi_bytes=None)
             return True
 
     def mark_not_better(self, capture_id: str, problem: str) -> wire.Capture:
@@ -465,11 +423,11 @@ class OpenSession:
         """
         with self._lock:
             self._refuse_gone()
-            if finished == self._finished:
+            if finished == self._state.finished:
                 return
             self._note(session_log.SessionFinished(at_s=self._clock(), finished=finished))
             for capture in self.captures:
-                self._put_files_where_they_belong(capture)
+                self._place(capture)
 
     def delete(self) -> None:
         """Note that the whole session is deleted; again does nothing."""
@@ -488,28 +446,23 @@ class OpenSession:
         with self._lock:
             if folder != self.folder:
                 self.folder.rename(folder)
-                self.folder = folder
+                self._files = SessionFiles(folder)
+                self._samples.path = folder / peaked_samples.FILE_NAME
                 self._log = SessionLog(folder / session_log.FILE_NAME)
                 flush(folder.parent)
 
     def add_peaked(self, samples: Sequence[wire.PeakedSample]) -> None:
         """Append what a phone told, each sample once; not waited for until it is on the disk.
 
-        Beyond `MAX_PEAKED` samples nothing more is kept.
+        Beyond `peaked_samples.MAX_SAMPLES` nothing more is kept.
 
         Raises:
             DiskFull: There is no room; none of it was kept.
         """
         with self._lock:
             self._refuse_gone()
-            new = {s.time_s: s for s in samples if s.time_s not in self._peaked_s}
-            if not new or len(self._peaked_s) + len(new) > MAX_PEAKED:
-                return
-            lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in new.values())
             with room_explained():
-                append(self.folder / PEAKED, lines, durably=False)
-            self._peaked_s.update(new)
-            self.peaked_share = samples[-1].peaked_share
+                self._samples.add(samples)
 
     def refresh_dataset(self) -> None:
         """Write transforms.json anew when it is not what it should be.
@@ -533,68 +486,33 @@ class OpenSession:
 
     # Inside
 
-    def _replay(self, event: session_log.AnyEvent) -> None:
-        match event:
-            case session_log.CaptureStored():
-                camera_of_wire(event.camera)
-                if event.number < 1 or event.number in (c.number for c in self.captures):
-                    raise ValueError(f"there are two captures of number {event.number}")
-                self._number = max(self._number, event.number)
-                capture = wire.Capture(
-                    id=msgspec.convert(event.id, wire.Id),
-                    number=event.number,
-                    camera=event.camera,
-                    time_s=event.time_s,
-                    state="queued",
-                )
-                self._captures = {**self._captures, event.id: capture}
-                sent = ((photo_name, True), (depth_name, event.depth), (points_name, event.points))
-                self._files[event.id] = [name_of(event.number) for name_of, there in sent if there]
-            case session_log.CaptureRemoved():
-                self._change(event.id, removed=True, ending="undone", restorable=True)
-            case session_log.CaptureSetAside():
-                self._change(event.id, removed=True, ending="set_aside", restorable=True)
-                self._set_aside.append(event.id)
-            case session_log.CaptureRestored():
-                self._change(event.id, removed=False, ending=None, restorable=False)
-            case session_log.CaptureDropped():
-                self._change(event.id, restorable=False)
-            case session_log.CaptureErased():
-                self._change(event.id, removed=True, ending="erased", restorable=False)
-            case session_log.MpiMade():
-                self._change(
-                    event.id,
-                    mpi_version=event.version,
-                    generator=event.generator,
-                    guessed=event.guessed,
-                )
-            case session_log.SessionNamed():
-                self.name = event.name
-            case session_log.SessionFinished():
-                self._finished = event.finished
-                undone = [c.id for c in self.captures if c.ending == "undone"]
-                for capture_id in undone if event.finished else ():
-                    self._change(capture_id, restorable=False)
-            case session_log.SessionDeleted():
-                self.deleted_s = event.at_s
-            case session_log.SessionRestored():
-                self.deleted_s = None
-            case session_log.SessionBegun():
-                raise RecordingError(
-                    self._log.path, "begins twice", remedy="split it into two folders by hand"
-                )
+    def _beginning(self, events: Sequence[session_log.AnyEvent]) -> session_log.SessionBegun:
+        begun = events[0] if events else None
+        if not isinstance(begun, session_log.SessionBegun):
+            raise RecordingError(
+                self._log.path,
+                "does not begin with SessionBegun" + "".join(f" ({p})" for p in self.problems[:1]),
+                remedy="the session is set aside and its photos are untouched; open the folder as "
+                "a recording, or move it away",
+            )
+        if begun.version != session_log.VERSION:
+            raise RecordingError(
+                self._log.path,
+                f"is of version {begun.version}, this peaking reads {session_log.VERSION}",
+                field="version",
+                remedy="open it with the peaking that wrote it",
+            )
+        return begun
 
     def _change(self, capture_id: str, **fields: object) -> wire.Capture:
         with self._lock:
-            changed = msgspec.structs.replace(self.capture(capture_id), **fields)
-            self._captures = {**self._captures, capture_id: changed}
-            return changed
+            return self._state.change(capture_id, **fields)
 
     def _note(self, event: session_log.AnyEvent) -> None:
         """Let something have happened: first on the disk, then here."""
         with room_explained():
             self._log.append(event)
-        self._replay(event)
+        self._state.apply(event)
 
     def _refuse_gone(self) -> None:
         if self._erased or self.deleted_s is not None:
@@ -607,145 +525,25 @@ class OpenSession:
             self._refuse_gone()
             if not self.capture(capture_id).removed:
                 self._note(event)
-                self._put_files_where_they_belong(self.capture(capture_id))
+                self._place(self.capture(capture_id))
             return self.capture(capture_id)
 
     def _drop_longest_aside(self) -> None:
-        ids = dict.fromkeys(reversed(self._set_aside))  # the last time that each was set aside
-        aside = [self.capture(capture_id) for capture_id in reversed(ids)]
-        aside = [c for c in aside if c.ending == "set_aside" and c.restorable]
-        sizes = {c.id: sum(_size(self._path(c, name)) for name in self._files[c.id]) for c in aside}
+        aside = self._state.longest_aside()
+        sizes = {c.id: self._files.bytes_of(c, self._state.files(c)) for c in aside}
         while aside and sum(sizes[c.id] for c in aside) > SET_ASIDE_BYTES:
             longest = aside.pop(0)
             self._note(session_log.CaptureDropped(self._clock(), id=longest.id))
-            self._put_files_where_they_belong(self.capture(longest.id))
+            self._place(self.capture(longest.id))
 
-    def _mend(self) -> None:
-        """Finish what was interrupted, find the MPIs that are there, drop half-written files."""
-        for folder in ("", *FOLDERS):
-            (self.folder / folder).mkdir(parents=True, exist_ok=True)
-            for leftover in (self.folder / folder).glob(".*.partial*"):
-                leftover.unlink()
-        self._number = max(self._number, *map(self._highest_number, (*KEPT, "removed/images")))
-        self._recover_captures()
-        for capture in self.captures:
-            self._recover_undo(capture)
-            self._put_files_where_they_belong(self.capture(capture.id))
-            self._find_mpi(self.capture(capture.id))
-        samples, damaged = self._read_samples()
-        if damaged:
-            path = self.folder / PEAKED
-            self.problems.append(f"{path}: {damaged} samples cannot be read; they were left out")
-        self._drop_torn_sample()
-        self.peaked_share = samples[-1].peaked_share if samples else None
-        self._peaked_s = {sample.time_s for sample in samples}
-        self.refresh_dataset()
-
-    def _highest_number(self, folder: str) -> int:
-        """Return the highest number of a file: it is never given again, whatever the log lost."""
-        numbers = [path.stem for path in (self.folder / folder).iterdir()]
-        return max((int(n) for n in numbers if n.isascii() and n.isdigit()), default=0)
-
-    def _recover_captures(self) -> None:
-        """Note captures again whose line in the log is lost, as transforms.json still has them."""
-        if not self.problems and self._number == len(self._captures):
-            return
-        for stored in recovered_captures(self.folder / TRANSFORMS, at_s=self._clock()):
-            photo = self.folder / photo_name(stored.number)
-            if stored.id in self._captures or not photo.exists():
-                continue
-            with contextlib.suppress(PeakingError, ValueError):
-                self._replay(stored)
-                self._log.append(stored)
-        self._drop_sent_again()
-
-    def _drop_sent_again(self) -> None:
-        """Delete photos that no capture has and that are another's to the byte.
-
-        They were written before a crash, nobody was told, and the phone sent them again.
-        """
-        known = {photo_name(capture.number): capture for capture in self.captures}
-        photos = [self._path(capture, name) for name, capture in known.items()]
-        for path in (self.folder / "images").iterdir():
-            if f"images/{path.name}" in known:
-                continue
-            size = _size(path)
-            again = any(_size(p) == size and p.read_bytes() == path.read_bytes() for p in photos)
-            if size and again:
-                path.unlink()
-                for name in (depth_name(int(path.stem)), points_name(int(path.stem))):
-                    (self.folder / name).unlink(missing_ok=True)
-
-    def _recover_undo(self, capture: wire.Capture) -> None:
-        """Believe the photo's place where the line about it is lost."""
-        name = photo_name(capture.number)
-        there, aside = (self.folder / name).exists(), (self.folder / "removed" / name).exists()
-        if capture.removed or there:
-            self._change(capture.id, restorable=capture.restorable and (there or aside))
-        elif aside:
-            self._note(session_log.CaptureRemoved(self._clock(), id=capture.id))
-        else:
-            self.problems.append(f"{self.folder / name}: is missing")
-            self._change(capture.id, removed=True, ending="erased", restorable=False)
-
-    def _find_mpi(self, capture: wire.Capture) -> None:
-        """Take the newest MPI on the disk; when it is gone, or of an old format, it is made again.
-
-        Its version stays what it was, so that an address never means something else.
-        """
-        mpi = self.mpi_path(capture.id, max(capture.mpi_version, 1))
-        if capture.ending != "erased" and is_current(mpi):
-            self._change(
-                capture.id,
-                state="ready",
-                mpi_bytes=mpi.stat().st_size,
-                mpi_version=max(capture.mpi_version, 1),
-                generator=capture.generator or FAST,
-            )
-
-    def _read_samples(self) -> tuple[list[wire.PeakedSample], int]:
-        """Return the samples, and how many lines are damaged."""
-        try:
-            lines = (self.folder / PEAKED).read_bytes().split(b"\n")[:-1]
-        except FileNotFoundError:
-            return [], 0
-        samples: list[wire.PeakedSample] = []
-        for line in lines:
-            with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
-                samples.append(msgspec.json.decode(line, type=wire.PeakedSample))
-        return samples, len(lines) - len(samples)
-
-    def _drop_torn_sample(self) -> None:
-        with contextlib.suppress(FileNotFoundError):
-            path = self.folder / PEAKED
-            data = path.read_bytes()
-            whole = data.rfind(b"\n") + 1
-            if whole < len(data):
-                os.truncate(path, whole)
-
-    def _put_files_where_they_belong(self, capture: wire.Capture) -> None:
-        """Move a capture's files to or from `removed/`; delete them when it cannot be restored."""
-        for name in self._files[capture.id]:
-            kept, aside = self.folder / name, self.folder / "removed" / name
-            if capture.removed and not capture.restorable:
-                kept.unlink(missing_ok=True)
-                aside.unlink(missing_ok=True)
-                continue
-            source, target = (kept, aside) if capture.removed else (aside, kept)
-            if source.exists() and not target.exists():
-                source.rename(target)
-        if capture.removed and not capture.restorable:
-            for made in (self.folder / "mpi").glob(f"{capture.number:06d}.*"):
-                made.unlink(missing_ok=True)
-
-    def _path(self, capture: wire.Capture, name: str) -> Path:
-        return self.folder / "removed" / name if capture.removed else self.folder / name
+    def _place(self, capture: wire.Capture) -> None:
+        self._files.place(capture, self._state.files(capture))
 
     def _transforms(self) -> bytes:
-        kept = [c for c in self._captures.values() if not c.removed]
+        kept = [c for c in self.captures if not c.removed]
         for capture in kept:
             if capture.id not in self._entries:
-                self._entries[capture.id] = frame_json(capture, self._files[capture.id])
+                self._entries[capture.id] = frame_json(capture, self._state.files(capture))
         return transforms_json(self._entries[capture.id] for capture in kept)
 
 
@@ -757,19 +555,3 @@ def _why_not_restorable(capture: wire.Capture) -> str:
             return "This photo was set aside long ago, and deleted to make room."
         case _:
             return "This photo was undone and the session finished since then: it is deleted."
-
-
-def _is_lost(capture: wire.Capture) -> bool:
-    """Return whether the files of a capture are deleted, and must not be made again."""
-    return capture.removed and not capture.restorable
-
-
-def _thumbnail_name(number: int, data: bytes) -> str:
-    return f"{number:06d}.thumbnail.{zlib.crc32(data):08x}.jpg"
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0

@@ -9,23 +9,22 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import OutputError, RecordingError
+from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.output import flush, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
 from peaking.server.disk_full import DiskFull, room_explained
-from peaking.server.open_session import (
-    FOLDERS,
-    TRANSFORMS,
-    OpenSession,
-    SessionGone,
-    UnknownSession,
-)
+from peaking.server.open_session import OpenSession, SessionGone
+from peaking.server.session_files import FOLDERS, TRANSFORMS
 from peaking.server.session_log import SessionLog
 from peaking.server.store_folder import PRIVATE, StoreFolder
 
 RESTORABLE_S = 30 * 24 * 3600.0
 """So long a deleted session can be restored; then it is erased."""
+
+
+class UnknownSession(PeakingError):
+    """There is no session of this id."""
 
 
 class SessionStore:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from peaking.errors import PeakingError, StudyError
 from peaking.server.admission import NotAdmitted
-from peaking.server.open_session import UnknownSession
-from peaking.server.sessions import SessionStore
+from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.store_folder import PRIVATE
 from peaking.server.study import wire
 from peaking.server.study.erasure import finish_erasures

@@ -1,0 +1,73 @@
+"""What phones told about the peaked share: a file that only grows, whose damaged lines are lost."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from peaking.event_log import append
+from peaking.server import wire
+
+FILE_NAME = "peaked.jsonl"
+MAX_SAMPLES = 200_000
+"""In a session: two days of one a second."""
+
+
+class PeakedSamples:
+    """The samples of a session. Reading is for any thread, adding for one at a time."""
+
+    def __init__(self, path: Path) -> None:
+        """Read them, and cut off a last one that a crash left unfinished.
+
+        `damaged` counts those that cannot be read.
+        """
+        self.path = path
+        _drop_torn_line(path)
+        samples, self.damaged = _read(path)
+        self.last = samples[-1].peaked_share if samples else None
+        self._times_s = {sample.time_s for sample in samples}
+
+    def read(self) -> list[wire.PeakedSample]:
+        """Return all samples, in the order they came."""
+        return _read(self.path)[0]
+
+    def add(self, samples: Sequence[wire.PeakedSample]) -> None:
+        """Append each sample once; not waited for until it is on the disk.
+
+        Beyond `MAX_SAMPLES` nothing more is kept.
+
+        Raises:
+            OSError: The disk is full, or fails; none of it was kept.
+        """
+        new = {s.time_s: s for s in samples if s.time_s not in self._times_s}
+        if not new or len(self._times_s) + len(new) > MAX_SAMPLES:
+            return
+        lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in new.values())
+        append(self.path, lines, durably=False)
+        self._times_s.update(new)
+        self.last = samples[-1].peaked_share
+
+
+def _read(path: Path) -> tuple[list[wire.PeakedSample], int]:
+    """Return the samples, and how many lines are damaged."""
+    try:
+        lines = path.read_bytes().split(b"\n")[:-1]
+    except FileNotFoundError:
+        return [], 0
+    samples: list[wire.PeakedSample] = []
+    for line in lines:
+        with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
+            samples.append(msgspec.json.decode(line, type=wire.PeakedSample))
+    return samples, len(lines) - len(samples)
+
+
+def _drop_torn_line(path: Path) -> None:
+    with contextlib.suppress(FileNotFoundError):
+        data = path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            os.truncate(path, whole)
