@@ -21,6 +21,9 @@ _ALONE = frozenset([0x01, *range(0xD0, 0xD9)])
 # Before a marker there may be junk, and any number of 0xFF: the last one belongs to the marker.
 _MARKER = re.compile(rb"\xff[^\x00\xff]")
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
+_PIECE_BYTES = 1 << 20
+"""Searched at once: meanwhile no other thread runs."""
+
 _AGAIN = "store it again as an ordinary JPEG"
 
 
@@ -41,7 +44,7 @@ class Segment:
     end: int
 
 
-def segments(data: bytes) -> Iterator[Segment]:
+def segments(data: bytes | memoryview) -> Iterator[Segment]:
     """Yield the segments up to the end of the picture; where the file is cut off, up to there.
 
     Junk between them is passed over, as decoders do. What follows the picture is not looked at.
@@ -50,11 +53,11 @@ def segments(data: bytes) -> Iterator[Segment]:
         ValueError: It does not begin as a JPEG, or a segment is broken off.
         TooCostly: There are too many.
     """
-    if not data.startswith(START):
+    if data[: len(START)] != START:
         raise ValueError("does not begin as a JPEG")
     at = len(START)
     for _ in range(MAX_SEGMENTS):
-        found = _MARKER.search(data, at)
+        found = _search(_MARKER, data, at)
         if found is None:
             return
         marker, start, body = data[found.end() - 1], found.start(), found.end()
@@ -66,7 +69,7 @@ def segments(data: bytes) -> Iterator[Segment]:
             if length < 2 or at > len(data):
                 raise ValueError("a segment is broken off")
         if marker == SOS:
-            after = _AFTER_SCAN.search(data, at)
+            after = _search(_AFTER_SCAN, data, at)
             at = len(data) if after is None else after.start()
         yield Segment(marker, start, body, at)
         if marker == EOI:
@@ -106,7 +109,7 @@ def tidied(data: bytes, *, zeros: bool) -> bytes:
     return b"".join(parts)
 
 
-def check_jpeg(data: bytes, parts: Iterable[Segment] | None = None) -> tuple[int, int]:
+def check_jpeg(data: bytes | memoryview, parts: Iterable[Segment] | None = None) -> tuple[int, int]:
     """Return width and height of a JPEG that can be decoded with bounded memory and time.
 
     Args:
@@ -136,3 +139,12 @@ def check_jpeg(data: bytes, parts: Iterable[Segment] | None = None) -> tuple[int
     if scans > MAX_SCANS or scans * size_px[0] * size_px[1] > MAX_SCAN_PIXELS:
         raise TooCostly(f"has {scans} scans, too many for its size", remedy=_AGAIN)
     return size_px
+
+
+def _search(marker: re.Pattern[bytes], data: bytes | memoryview, at: int) -> re.Match[bytes] | None:
+    """Return the first marker, of two bytes, from `at` on."""
+    for start in range(at, len(data), _PIECE_BYTES):
+        found = marker.search(data, start, start + _PIECE_BYTES + 1)
+        if found is not None:
+            return found
+    return None

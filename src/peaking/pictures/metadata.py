@@ -16,6 +16,8 @@ _JPEG_CODING = jpeg.FRAMES | {jpeg.DHT, jpeg.DAC, jpeg.DQT, jpeg.DNL, jpeg.DRI, 
 _ICC, _JFIF, _ADOBE = b"ICC_PROFILE\0", b"JFIF\0", b"Adobe"
 _JFIF_BYTES, _ADOBE_BYTES = 12, 12
 """Without the size of a thumbnail; the whole segment."""
+_KIND_BYTES = 12
+"""Of a segment's beginning: they tell its kind."""
 _PNG_KINDS = png.PIXELS | {b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"sBIT", b"cICP", b"pHYs"}
 _HEADLESS = (b"BM", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6")
 """How BMP and PNM begin, which have no metadata."""
@@ -40,19 +42,20 @@ def without_metadata(data: bytes) -> bytes:
     raise ValueError("is of a kind whose metadata cannot be removed")
 
 
-def jpeg_without_metadata(data: bytes, segments: Iterable[jpeg.Segment]) -> bytes:
+def jpeg_without_metadata(data: bytes | memoryview, segments: Iterable[jpeg.Segment]) -> bytes:
     """Return a JPEG, whose segments are known, with the same pixels and without metadata."""
-    parts = [jpeg.START]
+    view = memoryview(data)
+    parts: list[bytes | memoryview] = [jpeg.START]
     for segment in segments:
-        body = data[segment.body : segment.end]
+        body = bytes(view[segment.body : min(segment.end, segment.body + _KIND_BYTES)])
         if segment.marker in _JPEG_CODING:
-            parts.append(data[segment.start : segment.end])
+            parts.append(view[segment.start : segment.end])
         elif segment.marker == jpeg.APP0 and body.startswith(_JFIF) and len(body) >= _JFIF_BYTES:
             parts.append(_jpeg_segment(jpeg.APP0, body[:_JFIF_BYTES] + b"\0\0"))
         elif segment.marker == jpeg.APP14 and body.startswith(_ADOBE) and len(body) >= _ADOBE_BYTES:
             parts.append(_jpeg_segment(jpeg.APP14, body[:_ADOBE_BYTES]))
         elif segment.marker == jpeg.APP2 and body.startswith(_ICC):
-            parts.append(data[segment.start : segment.end])
+            parts.append(view[segment.start : segment.end])
     return b"".join(parts)
 
 

@@ -345,7 +345,7 @@ class _Handlers:
     # Inside
 
     def _keep(
-        self, session: OpenSession, capture_id: str, body: bytes
+        self, session: OpenSession, capture_id: str, body: bytearray
     ) -> tuple[wire.Capture, bool]:
         """Store an upload that is admitted; return it, and whether it is new (in a thread)."""
         self.admission.to_add(session.id)

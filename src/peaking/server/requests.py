@@ -91,8 +91,10 @@ async def read_json(request: Request, kind: type[T], *, status: int = 422) -> T:
         raise BadUpload(sentence, status=status) from error
 
 
-async def read_body(request: Request, max_bytes: int) -> bytes:
+async def read_body(request: Request, max_bytes: int) -> bytearray:
     """Read a body, and stop as soon as it is too long.
+
+    It is never copied as a whole: that would keep the event loop waiting.
 
     Raises:
         BadUpload: It is too long, for anybody or for somebody who is not paired.
@@ -115,4 +117,4 @@ async def read_body(request: Request, max_bytes: int) -> bytes:
         raise BadUpload(
             f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"
         )
-    return bytes(body)
+    return body

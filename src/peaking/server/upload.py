@@ -69,7 +69,7 @@ class Upload:
     points_m: Float32[np.ndarray, "n 3"] | None = None
 
 
-def parse_upload(body: bytes, *, keep_exif: bool = False) -> Upload:
+def parse_upload(body: bytes | bytearray, *, keep_exif: bool = False) -> Upload:
     """Take an upload apart.
 
     Args:
@@ -79,7 +79,7 @@ def parse_upload(body: bytes, *, keep_exif: bool = False) -> Upload:
     Raises:
         BadUpload: Anything about it is wrong.
     """
-    header, rest = _header(body)
+    header, rest = _header(memoryview(body))
     check_protocol(header.protocol, by="phone")
     camera_of_wire(header.camera)
     if len(rest) < header.photo_bytes:
@@ -90,7 +90,6 @@ def parse_upload(body: bytes, *, keep_exif: bool = False) -> Upload:
         )
     photo, rest = rest[: header.photo_bytes], rest[header.photo_bytes :]
     bare = _checked_photo(photo, header.camera.pinhole)
-    photo = photo if keep_exif else bare
     depth_bytes = 2 * header.depth.width_px * header.depth.height_px if header.depth else 0
     points_bytes = BYTES_OF_POINT * header.points
     if len(rest) != depth_bytes + points_bytes:
@@ -100,7 +99,7 @@ def parse_upload(body: bytes, *, keep_exif: bool = False) -> Upload:
             status=400,
         )
     depth_mm, points_m = _depth(rest[:depth_bytes], header), _points(rest[depth_bytes:])
-    return Upload(header, photo, depth_mm, points_m)
+    return Upload(header, bytes(photo) if keep_exif else bare, depth_mm, points_m)
 
 
 def camera_of_wire(camera: wire.Camera) -> Camera:
@@ -126,7 +125,7 @@ def camera_of_wire(camera: wire.Camera) -> Camera:
     return Camera(pinhole, pose)
 
 
-def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
+def _header(body: memoryview) -> tuple[wire.CaptureHeader, memoryview]:
     if len(body) < 4:
         raise BadUpload("The upload is shorter than its own header.", status=400)
     (length,) = struct.unpack_from("<I", body)
@@ -143,7 +142,7 @@ def _header(body: bytes) -> tuple[wire.CaptureHeader, bytes]:
     return header, body[4 + length :]
 
 
-def _checked_photo(photo: bytes, pinhole: wire.Pinhole) -> bytes:
+def _checked_photo(photo: memoryview, pinhole: wire.Pinhole) -> bytes:
     """Return the JPEG without metadata, after a look at its size and scans; nothing is decoded."""
     try:
         parts = list(segments(photo))
@@ -164,7 +163,7 @@ def _checked_photo(photo: bytes, pinhole: wire.Pinhole) -> bytes:
     return bare
 
 
-def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"] | None:
+def _depth(data: memoryview, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"] | None:
     layout = header.depth
     if layout is None:
         return None
@@ -179,7 +178,7 @@ def _depth(data: bytes, header: wire.CaptureHeader) -> UInt16[np.ndarray, "h w"]
     return np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)
 
 
-def _points(data: bytes) -> Float32[np.ndarray, "n 3"] | None:
+def _points(data: memoryview) -> Float32[np.ndarray, "n 3"] | None:
     if not data:
         return None
     points_m = np.frombuffer(data, "<f4").astype(np.float32).reshape(-1, 3)
