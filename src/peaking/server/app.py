@@ -128,7 +128,7 @@ class _Handlers:
             try:
                 if await run_in_threadpool(self.store.erase_expired):
                     self.hub.send(SERVER, await run_in_threadpool(self._list))
-            except OSError:  # a full disk: tried again
+            except (OSError, PeakingError):  # a full disk: tried again
                 _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
@@ -218,9 +218,11 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        await run_in_threadpool(self.store.erase, session_id)
-        self.hub.end(session_id)
-        self.hub.send(SERVER, await run_in_threadpool(self._list))
+        try:
+            await run_in_threadpool(self.store.erase, session_id)
+        finally:
+            self.hub.end(session_id)
+            self.hub.send(SERVER, await run_in_threadpool(self._list))
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -297,6 +299,8 @@ class _Handlers:
         session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
         change = await read_json(request, wire.CaptureChange)
+        if change.ending == "erased":
+            await run_in_threadpool(self.admission.to_end, session.id)
         match change.ending:
             case "undone":
                 do = session.remove_capture
@@ -318,12 +322,12 @@ class _Handlers:
         capture = session.shown_capture(id_in_path(request, "capture"))
         if capture.state != "ready":
             raise HTTPException(404, "There is no MPI of this capture yet.")
-        version = request.path_params.get("version", 1)
-        if not 1 <= version <= capture.mpi_version:
+        version = request.path_params.get("version", "1")
+        if version not in map(str, range(1, capture.mpi_version + 1)):
             raise HTTPException(404, "There is no such version of this MPI.")
-        data = await run_in_threadpool(session.mpi_bytes, capture.id, version)
+        data = await run_in_threadpool(session.mpi_bytes, capture.id, int(version))
         if data is None:
-            if await run_in_threadpool(session.mark_damaged, capture.id, version):
+            if await run_in_threadpool(session.mark_damaged, capture.id, int(version)):
                 await run_in_threadpool(self.queue.put, session, capture.id)
                 self._tell_capture(session, session.capture(capture.id))
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
@@ -479,7 +483,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(capture, server.remove, methods=["DELETE"]),
         Route(capture, server.change_capture, methods=["PATCH"]),
         Route(capture + "/mpi", server.mpi, methods=["GET"]),
-        Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
+        Route(capture + "/mpi/{version}", server.mpi, methods=["GET"]),
         Route(capture + "/photo", server.photo, methods=["GET"]),
         Route(capture + "/thumbnail", server.thumbnail, methods=["GET"]),
     ]

@@ -375,9 +375,10 @@ class OpenSession:
             DiskFull: There is no room for it.
         """
         with self._lock, room_explained():
-            gone = self._erased or self.deleted_s is not None
-            if gone or is_lost(self.capture(capture_id)):
+            if self._erased or self.deleted_s is not None:
                 return self.mark_failed(capture_id, ERASED if self._erased else DELETED)
+            if is_lost(self.capture(capture_id)):
+                return self.mark_failed(capture_id, "The photo was deleted meanwhile.")
             version = self.capture(capture_id).mpi_version + 1
             write_atomically(self._files.mpi(self.capture(capture_id), version), mpi)
             made = session_log.MpiMade(

@@ -174,14 +174,19 @@ class SessionStore:
 
         Raises:
             OSError: It could not be noted; nothing was erased.
+            OutputError: It is noted, and something is left that cannot be deleted.
         """
         with self._lock:
             self._folder.note_erased(session_id, at_s=self._clock())
             session = self._sessions.pop(session_id, None)
             if session is not None:
                 session.close_for_ever()
-            for folder in self._folder.sessions_of([session_id]):
-                self._folder.delete(folder)
+            left = [
+                f for f in map(self._folder.delete, self._folder.sessions_of([session_id])) if f
+            ]
+        if left:
+            self.problems += map(StoreFolder.cannot_be_deleted, left)
+            raise OutputError(StoreFolder.cannot_be_deleted(left[0]))
 
     def erase_expired(self) -> list[str]:
         """Erase the sessions that were deleted too long ago to be restored; return their ids."""

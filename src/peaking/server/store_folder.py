@@ -91,7 +91,8 @@ class StoreFolder:
     def sessions(self) -> list[Path]:
         """Return the folders of all sessions, deleted ones too, by name."""
         found = [*self.root.glob("[!.]*/"), *self.deleted.glob("[!.]*/")]
-        return sorted((path for path in found if path.is_dir()), key=lambda path: path.name)
+        real = (path for path in found if path.is_dir() and not path.is_symlink())
+        return sorted(real, key=lambda path: path.name)
 
     def sessions_of(self, ids: Collection[str]) -> list[Path]:
         """Return the folders of sessions of these ids, also of those that cannot be opened."""
@@ -113,17 +114,23 @@ class StoreFolder:
             self._tombstones.append(Erased(session_id, at_s))
             self.erased_ids.add(session_id)
 
-    def delete(self, folder: Path) -> bool:
-        """Delete a session's folder with all that was made of it; return whether it is gone.
+    def delete(self, folder: Path) -> Path | None:
+        """Delete a session's folder with all that was made of it.
 
-        What is left of it, when the system refuses, is deleted at the next start.
+        Returns:
+            What is left of it when the system refuses; that is tried again at the next start.
         """
         hidden = self.root / f".{folder.name}{ERASED_SUFFIX}"
         with contextlib.suppress(FileNotFoundError):
             folder.rename(hidden)
             flush(self.root)
         shutil.rmtree(hidden, ignore_errors=True)
-        return not hidden.exists()
+        return hidden if hidden.exists() else None
+
+    @staticmethod
+    def cannot_be_deleted(folder: Path) -> str:
+        """Return the sentence about what is left of a session."""
+        return f"{folder}: is erased and cannot be deleted; delete it by hand"
 
     def clean(self) -> list[str]:
         """Finish what a crash interrupted; return a sentence for whatever cannot be deleted."""
@@ -136,9 +143,12 @@ class StoreFolder:
             for leftover in place.glob(f".*{ERASED_SUFFIX}"):
                 shutil.rmtree(leftover, ignore_errors=True)
                 if leftover.exists():
-                    problems.append(
-                        f"{leftover}: is erased and cannot be deleted; delete it by hand"
-                    )
+                    problems.append(self.cannot_be_deleted(leftover))
+        problems += (
+            f"{path}: is a link, and sessions must lie here to be erased; move the folder itself"
+            for path in self.root.glob("[!.]*/")
+            if path.is_symlink()
+        )
         return problems
 
     def _take(self, *, now_s: float) -> None:
