@@ -55,6 +55,12 @@ MAX_TRANSFORMS_BYTES = 256 * 2**20
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
 
+MAX_ASCII_POINTS_BYTES = 2**28
+"""The same, of text: 5 million points with colours."""
+
+POINTS_MEMORY_BYTES = 2**26
+"""That reading a point cloud takes, however large it is."""
+
 MAX_SPLAT_BYTES = 2**32
 """Of 3D Gaussians (.ply): 17 million."""
 
