@@ -49,8 +49,16 @@ MAX_PLACES = 2**25
 
 # Other files.
 
-MAX_TRANSFORMS_BYTES = 256 * 2**20
-"""Of a transforms.json; 100,000 frames take 60 MB."""
+MAX_TRANSFORMS_BYTES = 2**26
+"""Of a transforms.json; 50,000 frames take 25 to 60 MB."""
+
+MAX_TRANSFORMS_VALUES = 2**21
+"""Numbers, texts, lists and objects of a transforms.json; 50,000 frames have 1.6 million."""
+
+MAX_TRANSFORMS_DEPTH = 64
+
+TRANSFORMS_MEMORY_BYTES = 2**30
+"""That reading a transforms.json takes, whatever stands in it."""
 
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
