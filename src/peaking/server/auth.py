@@ -153,7 +153,7 @@ class Guard:
                 loop.call_soon_threadsafe(revoked.set)
 
         with self.devices.listening(device.id, revoke):
-            answer = asyncio.ensure_future(_run(self.app, scope, receive, send_watched))
+            answer = asyncio.ensure_future(self.app(scope, receive, send_watched))
             waiting = asyncio.ensure_future(revoked.wait())
             try:
                 await asyncio.wait({answer, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -193,10 +193,6 @@ def too_many(error: TooManyGuesses) -> Response:
     """Return the answer to somebody who has guessed too often."""
     after = {"Retry-After": str(math.ceil(error.retry_after_s))}
     return problem(429, str(error), headers=after)
-
-
-async def _run(app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
-    await app(scope, receive, send)
 
 
 async def _renew(devices: Devices, used: _Shown, scope: Scope, headers: dict[str, str]) -> None:
