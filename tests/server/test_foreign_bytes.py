@@ -308,6 +308,7 @@ def test_problems_name_files_and_not_where_they_lie() -> None:
         "1/2 and/or b of image/jpeg at https://host/b": "1/2 and/or b of image/jpeg at https://host/b",
         "~/.local/share/peaking/x.pth: is missing": "x.pth: is missing",
         "The photo is saved.": "The photo is saved.",
+        "no (reading /home/My Name/study/x.jpg: bad)": "no (reading x.jpg: bad)",
         "C:\\Users\\me\\x.jpg: is bad": "x.jpg: is bad",
     }.items():
         assert without_paths(text, root) == told
