@@ -43,6 +43,7 @@ class SessionStore:
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
+        self._told_of_erasures: list[Callable[[str], None]] = []
         self._folder = StoreFolder(root, clock=clock)
         self.problems = self._folder.clean()
         for folder in self._folder.sessions():
@@ -169,11 +170,19 @@ class SessionStore:
             session.move(self.root / session.folder.name)
             return session
 
-    def erase(self, session_id: str) -> None:
+    def when_erased(self, tell: Callable[[str], None]) -> None:
+        """Have `tell` called, in any thread, with the id of each session that is erased."""
+        self._told_of_erasures.append(tell)
+
+    def erase(self, session_id: str) -> bool:
         """Erase a session, with all that was made of it: for ever, also one that is not here yet.
 
+        Returns:
+            Whether all of it is gone; what the system refuses to delete is hidden, and deleted at
+            the next start.
+
         Raises:
-            OSError: It could not be noted; nothing was erased.
+            OSError: It could not be noted, or a folder not be hidden.
         """
         with self._lock:
             self._folder.note_erased(session_id, at_s=self._clock())
@@ -182,6 +191,10 @@ class SessionStore:
                 session.close_for_ever()
             for folder in self._folder.sessions_of([session_id]):
                 self._folder.delete(folder)
+            gone = not self._folder.has_left(session_id)
+        for tell in self._told_of_erasures:
+            tell(session_id)
+        return gone
 
     def erase_expired(self) -> list[str]:
         """Erase the sessions that were deleted too long ago to be restored; return their ids."""

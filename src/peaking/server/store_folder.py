@@ -98,8 +98,8 @@ class StoreFolder:
         endings = tuple(f"_{end}" for one in ids for end in (one, one[:8]))
         found: list[Path] = []
         for folder in self.sessions():
-            known = _id_in(folder / session_log.FILE_NAME)
-            if known in ids or (known is None and folder.name.endswith(endings)):
+            named = session_log.named_in(folder / session_log.FILE_NAME)
+            if folder.name.endswith(endings) if named is None else named.id in ids:
                 found.append(folder)
         return found
 
@@ -113,17 +113,21 @@ class StoreFolder:
             self._tombstones.append(Erased(session_id, at_s))
             self.erased_ids.add(session_id)
 
-    def delete(self, folder: Path) -> bool:
-        """Delete a session's folder with all that was made of it; return whether it is gone.
+    def delete(self, folder: Path) -> None:
+        """Delete a session's folder with all that was made of it.
 
-        What is left of it, when the system refuses, is deleted at the next start.
+        What is left of it, when the system refuses, is hidden, and deleted at the next start.
         """
         hidden = self.root / f".{folder.name}{ERASED_SUFFIX}"
         with contextlib.suppress(FileNotFoundError):
             folder.rename(hidden)
             flush(self.root)
         shutil.rmtree(hidden, ignore_errors=True)
-        return not hidden.exists()
+
+    def has_left(self, session_id: str) -> bool:
+        """Return whether something is left of a session that was erased."""
+        hidden = self.root.glob(f".*_{session_id[:8]}*{ERASED_SUFFIX}")
+        return any(hidden) or bool(self.sessions_of([session_id]))
 
     def clean(self) -> list[str]:
         """Finish what a crash interrupted; return a sentence for whatever cannot be deleted."""
@@ -163,29 +167,11 @@ class StoreFolder:
 
     def _read_tombstones(self) -> set[str]:
         try:
-            self._tombstones.mend()
             events, damaged = self._tombstones.read_around_damage()
         except FileNotFoundError:
             return set()
         self.problems += [f"{self._tombstones.path}: {line}" for line in damaged]
         return {event.session for event in events}
-
-
-class _Named(msgspec.Struct):
-    id: str
-
-
-class _FirstLine(msgspec.Struct):
-    session: _Named
-
-
-def _id_in(log: Path) -> str | None:
-    """Return the id in the first line of a session's log; None where it cannot be read."""
-    try:
-        with log.open("rb") as file:
-            return msgspec.json.decode(file.readline(), type=_FirstLine).session.id
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
-        return None
 
 
 def _who(said: bytes) -> str:
