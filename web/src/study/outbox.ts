@@ -11,7 +11,7 @@ import { MAX_EVENTS, toldSchema, type Told } from './wire';
 
 const EVERY_MS = 1000;
 /** Not valid, too much, of somebody who is erased or does not take part (404, 409, 410). */
-const NEVER_TAKEN = [400, 404, 409, 410, 413, 422];
+const NEVER_TAKEN = new Set([400, 404, 409, 410, 413, 422]);
 
 export class Outbox {
   #events: Told[];
@@ -57,7 +57,7 @@ export class Outbox {
       await this.send(some);
     } catch (error) {
       // What the server will never take must not keep the rest from it, nor stay on this device.
-      if (!(error instanceof ApiError) || !NEVER_TAKEN.includes(error.status)) throw error;
+      if (!(error instanceof ApiError) || !NEVER_TAKEN.has(error.status)) throw error;
       console.error('the server refused events', error.problem, some);
     }
     this.#events = this.#events.slice(some.length);
