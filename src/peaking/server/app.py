@@ -24,7 +24,7 @@ from starlette.routing import Route
 
 import peaking
 from peaking.datasets.foreign_files import read_bytes
-from peaking.errors import PeakingError
+from peaking.errors import OutputError, PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
 from peaking.pictures.metadata import without_metadata
@@ -118,6 +118,7 @@ class _Handlers:
         self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
         self._selections = FairRoom(MAX_SELECTIONS)
         self.queue = GenerationQueue(config.options, on_done=self._made)
+        store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
 
@@ -126,9 +127,8 @@ class _Handlers:
         while True:
             await asyncio.sleep(ERASED_EVERY_S)
             try:
-                if await run_in_threadpool(self.store.erase_expired):
-                    self.hub.send(SERVER, await run_in_threadpool(self._list))
-            except (OSError, PeakingError):  # a full disk: tried again
+                await run_in_threadpool(self.store.erase_expired)
+            except OSError:  # a full disk: tried again
                 _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
@@ -218,11 +218,11 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        try:
-            await run_in_threadpool(self.store.erase, session_id)
-        finally:
-            self.hub.end(session_id)
-            self.hub.send(SERVER, await run_in_threadpool(self._list))
+        if not await run_in_threadpool(self.store.erase, session_id):
+            raise OutputError(
+                "The session is erased, and the system does not let all of its folder be deleted: "
+                "the problems beside the list of sessions name what is left."
+            )
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -364,6 +364,11 @@ class _Handlers:
         self._tell_capture(session, capture)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
+
+    def _erased(self, session_id: str) -> None:
+        """End the streams of a session that is erased: who listened asks again, and hears of it."""
+        self.hub.end(session_id)
+        self.hub.send(SERVER, self._list())
 
     def _make_missing(self, session: OpenSession) -> None:
         """Have the MPIs made that a session needs and has not."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import OutputError, PeakingError
+from peaking.errors import PeakingError
 from peaking.output import flush, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
@@ -47,6 +47,7 @@ class SessionStore:
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
+        self._told_of_erasures: list[Callable[[str], None]] = []
         self._folder = StoreFolder(root, clock=clock)
         self._deleted_ids: set[str] = set()
         """Of deleted sessions that cannot be opened."""
@@ -181,31 +182,39 @@ class SessionStore:
             session.move(self.root / session.folder.name)
             return session
 
-    def erase(self, session_id: str) -> None:
+    def when_erased(self, tell: Callable[[str], None]) -> None:
+        """Have `tell` called, in any thread, with the id of each session that is erased."""
+        self._told_of_erasures.append(tell)
+
+    def erase(self, session_id: str) -> bool:
         """Erase a session, with all that was made of it: for ever, also one that is not here yet.
+
+        Returns:
+            Whether all of it is gone; what the system refuses to delete is hidden, and deleted at
+            the next start.
 
         Raises:
             OSError: It could not be noted; nothing was erased.
-            OutputError: It is noted, and something is left that cannot be deleted.
         """
         with self._lock:
             self._folder.note_erased(session_id)
             session = self._sessions.pop(session_id, None)
             if session is not None:
                 session.close_for_ever()
-            left = [
-                f for f in map(self._folder.delete, self._folder.sessions_of([session_id])) if f
-            ]
-        if left:
-            self.problems += map(StoreFolder.cannot_be_deleted, left)
-            raise OutputError(StoreFolder.cannot_be_deleted(left[0]))
+            for folder in self._folder.sessions_of([session_id]):
+                self._folder.delete(folder)
+            left = self._folder.left_of(session_id)
+            said = map(StoreFolder.cannot_be_deleted, left)
+            self.problems += [problem for problem in said if problem not in self.problems]
+        for tell in self._told_of_erasures:
+            tell(session_id)
+        return not left
 
     def erase_expired(self) -> list[str]:
         """Erase the sessions that were deleted too long ago to be restored; return their ids.
 
         Raises:
             OSError: As `erase`; what comes after is tried again.
-            OutputError: The same.
         """
         oldest_s = self._clock() - RESTORABLE_S
         expired = [

@@ -93,7 +93,7 @@ test('what is told survives a reload without a server', async () => {
   const online = new Outbox('box', async (events) => void sent.push(...events), storage);
   await online.flush();
   expect(sent).toEqual([EVENT]);
-  expect(new Outbox('box', () => Promise.resolve(), storage).waiting).toBe(0);
+  expect(storage.values.size).toBe(0);
 });
 
 test('what the server will never take does not keep the rest from it', async () => {
@@ -107,4 +107,26 @@ test('what the server will never take does not keep the rest from it', async () 
   box.put(EVENT);
   await box.flush();
   expect(sent).toEqual([EVENT]);
+});
+
+test.each([404, 409, 410])('what nobody takes any more (%i) does not stay on the phone', async (status) => {
+  const storage = new MapStorage();
+  const box = new Outbox('box', () => Promise.reject(new ApiError(status, 'gone')), storage);
+  box.put(EVENT);
+  await box.flush();
+  expect(storage.values.size).toBe(0);
+});
+
+test.each([0, 403, 500])('what may be taken later (%i) is sent less and less often', async (status) => {
+  const storage = new MapStorage();
+  const waits_ms: number[] = [];
+  const end = new AbortController();
+  const box = new Outbox('box', () => Promise.reject(new ApiError(status, 'not now')), storage);
+  box.put(EVENT);
+  await box.run({
+    random: () => 1,
+    sleep: async (duration_ms) => { if (waits_ms.push(duration_ms) === 8) end.abort(); },
+  }, end.signal);
+  expect(waits_ms).toEqual([1000, 1000, 2000, 4000, 8000, 16_000, 30_000, 30_000]);
+  expect(storage.values.size).toBe(1);
 });
