@@ -4,6 +4,8 @@ import contextlib
 import json
 import math
 import os
+import pickle
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from peaking import limits
+from peaking.datasets import transforms_json
 from peaking.datasets.nerfstudio import NerfstudioRecording, open_recording
 from peaking.errors import OutputError, RecordingError
 from peaking.geometry import Pinhole
@@ -426,6 +430,65 @@ def test_a_bad_field_is_named(folder: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "item",
+    [
+        b"{}",
+        b"[]",
+        b"[" * 60 + b"]" * 60,
+        b'{"":' * 60 + b"0" + b"}" * 60,
+        '"\U0001f4f7é"'.encode(),
+        b'"' + b"a" * 1000 + b'"',
+        b"0.5",
+    ],
+)
+def test_transforms_take_little_memory_whatever_stands_in_them(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, item: bytes
+) -> None:
+    """With limits of a hundredth, the memory stays within a hundredth of what is promised."""
+    path = folder / "transforms.json"
+    at_most, values = limits.MAX_TRANSFORMS_BYTES // 100, limits.MAX_TRANSFORMS_VALUES // 100
+    monkeypatch.setattr(transforms_json, "MAX_TRANSFORMS_BYTES", at_most)
+    monkeypatch.setattr(transforms_json, "MAX_TRANSFORMS_VALUES", values)
+    per_item = 1 + item.count(b"[") + item.count(b"{")
+
+    def write(count: int) -> None:
+        path.write_bytes(b'{"frames":[' + b",".join([item] * count) + b"]}")
+
+    count = min((values - 2) // per_item, (at_most - 20) // (len(item) + 1))
+    write(count)
+    tracemalloc.start()
+    try:
+        assert len(transforms_json.read_json(folder)["frames"]) == count
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < limits.TRANSFORMS_MEMORY_BYTES / 100
+    write(count + 3)
+    assert "at most" in complaint(lambda: open_recording(folder)).problem
+
+
+def test_50_000_frames_are_read(folder: Path) -> None:
+    path = folder / "transforms.json"
+    top = json.loads(path.read_text())
+    frame = top["frames"][0] | {"depth_file_path": "depths/frame_00001.png", "timestamp": 12.034567}
+    for key in ("fl_x", "fl_y", "cx", "cy"):
+        frame[key] = 1234.5678901
+    frame |= {"w": 1920, "h": 1080}
+    frame["transform_matrix"] = [[0.12345678901234567] * 4] * 3 + [[0.0, 0.0, 0.0, 1.0]]
+    one = json.dumps({"frames": [frame]}, indent=4).encode()
+    assert 50_000 * len(one) < limits.MAX_TRANSFORMS_BYTES
+    assert 50_000 * sum(one.count(mark) for mark in b",[{") < limits.MAX_TRANSFORMS_VALUES
+
+
+def test_what_is_nested_deep_is_refused(folder: Path) -> None:
+    for depth in (limits.MAX_TRANSFORMS_DEPTH + 1, 500, 940, 990):
+        path = folder / "transforms.json"
+        path.write_bytes(b'{"frames":[],"x":' + b"[" * depth + b"]" * depth + b"}")
+        problem = complaint(lambda: open_recording(folder)).problem
+        assert "nested more than" in problem or "not JSON" in problem
+
+
+@pytest.mark.parametrize(
     ("text", "problem"),
     [
         (b"", "not JSON"),
@@ -556,6 +619,26 @@ def test_a_depth_array_that_was_cut_off_is_named(folder: Path, kept: float) -> N
     path = folder / "depths/a.npy"
     np.save(path, np.ones((48, 64)))
     path.write_bytes(cut(path.read_bytes(), kept))
+    edit_json(folder, lambda top: top["frames"][2].update(depth_file_path="depths/a.npy"))
+    assert complaint(lambda: read_all(folder)).path == path
+
+
+@pytest.mark.parametrize("kind", ["archive", "pickle", "nothing", "text", "deep", "cut header"])
+def test_what_is_called_npy_and_is_none_is_named(folder: Path, kind: str) -> None:
+    path = folder / "depths/a.npy"
+    header = b"\x93NUMPY\x01\x00\xff\x0f"
+    match kind:
+        case "archive":
+            with path.open("wb") as file:
+                np.savez(file, depth=np.ones((48, 64)))
+        case "pickle":
+            path.write_bytes(pickle.dumps(np.ones((48, 64))))
+        case "deep":
+            path.write_bytes(header + b"(" * 0xFFF)
+        case "cut header":
+            path.write_bytes(header)
+        case _:
+            path.write_bytes(b"" if kind == "nothing" else b"depth")
     edit_json(folder, lambda top: top["frames"][2].update(depth_file_path="depths/a.npy"))
     assert complaint(lambda: read_all(folder)).path == path
 

@@ -317,9 +317,10 @@ def test_a_webp_loses_what_it_tells_and_no_pixel(quality: int) -> None:
     np.testing.assert_array_equal(decode_stored(bare), decode_stored(plain))
 
 
-@pytest.mark.parametrize("kind", [".tiff", ".avif", ".hdr"])
+@pytest.mark.parametrize("kind", [".tiff", ".avif", ".hdr", ".bmp", ".ppm", ".pgm", ".pbm"])
 def test_other_kinds_are_refused(kind: str) -> None:
-    pixels = np.zeros((8, 8, 3), np.float32 if kind == ".hdr" else np.uint8)
+    shape = (8, 8) if kind in (".pgm", ".pbm") else (8, 8, 3)
+    pixels = np.zeros(shape, np.float32 if kind == ".hdr" else np.uint8)
     data = cv2.imencode(kind, pixels)[1].tobytes()
     with pytest.raises(ValueError, match="metadata cannot be removed"):
         without_metadata(data)

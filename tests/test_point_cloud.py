@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import struct
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from peaking.datasets import open_recording
+from peaking.datasets import open_recording, point_cloud
 from peaking.datasets.point_cloud import (
     MAX_POINTS,
     check_points,
@@ -22,6 +23,7 @@ from peaking.datasets.point_cloud import (
 )
 from peaking.errors import RecordingError
 from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.limits import MAX_ASCII_POINTS_BYTES, MAX_POINTS_BYTES, POINTS_MEMORY_BYTES
 from peaking.point_cloud import visible_points
 from recordings import lateral_cameras, write_recording
 
@@ -77,6 +79,66 @@ def test_of_a_large_cloud_some_are_taken_from_everywhere(tmp_path: Path) -> None
     along = np.arange(2.0 * MAX_POINTS + 1)
     path.write_bytes(encode_points(np.stack([along, along, along], axis=1)))
     np.testing.assert_array_equal(read_points(path)[:, 1], along[::3])
+
+
+def small_points(format_: str, count: int) -> bytes:
+    """Return the header of points that take as few bytes as points can."""
+    properties = "".join(f"property char {name}\n" for name in "xyz")
+    return f"ply\nformat {format_} 1.0\nelement vertex {count}\n{properties}end_header\n".encode()
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+def test_reading_takes_little_memory_however_many_points_there_are(
+    tmp_path: Path, is_text: bool
+) -> None:
+    path = tmp_path / "a.ply"
+    count = 2**21 if is_text else 2**26
+    with path.open("wb") as file:
+        file.write(small_points("ascii" if is_text else "binary_big_endian", count))
+        if is_text:
+            file.write(b"0 " * 3 * count)
+        else:
+            file.truncate(file.tell() + 3 * count)  # one hole: nothing on the disk
+    tracemalloc.start()
+    try:
+        points = read_points(path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert MAX_POINTS * 0.9 < len(points) <= MAX_POINTS
+    assert most < POINTS_MEMORY_BYTES
+
+
+def test_clouds_that_are_too_large_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    for head, at_most in (
+        (small_points("ascii", 1), MAX_ASCII_POINTS_BYTES),
+        (small_points("binary_little_endian", 1), MAX_POINTS_BYTES),
+    ):
+        with path.open("wb") as file:
+            file.write(head)
+            file.truncate(len(head) + at_most + 1)
+        with pytest.raises(RecordingError, match=f"at most {at_most:,}"):
+            read_points(path)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.integers(1, 40), st.integers(1, 9), st.integers(8, 64), st.sampled_from(["<", ""]))
+def test_blocks_leave_no_seams(
+    tmp_path: Path, count: int, most: int, block_bytes: int, order: str
+) -> None:
+    points = np.arange(3.0 * count).reshape(count, 3)
+    data = encode_points(points)
+    if not order:
+        rows = "\n".join(" ".join(map(str, row)) for row in points)
+        data = data[: data.index(b"end_header")].replace(b"binary_little_endian", b"ascii")
+        data += b"element face 1\nproperty list uchar int i\nend_header\n" + rows.encode()
+        data += b"\n3 0 1 and words\n"
+    (tmp_path / "a.ply").write_bytes(data)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(point_cloud, "MAX_POINTS", most)
+        patch.setattr(point_cloud, "_BLOCK_BYTES", block_bytes)
+        np.testing.assert_array_equal(read_points(tmp_path / "a.ply"), points[:: -(-count // most)])
 
 
 def test_what_is_behind_the_nearest_point_of_its_part_is_hidden() -> None:
@@ -166,6 +228,8 @@ def test_a_subset_keeps_the_clouds(folder: Path, tmp_path: Path) -> None:
         (ASCII.replace("vertex 2", "camera 2").encode(), "does not begin with vertices"),
         (ASCII.replace("float z", "float depth").encode(), "without x, y and z"),
         (ASCII.replace("vertex 2", "vertex 20").encode(), "cut off: need 20"),
+        (ASCII.replace("0.25 0 4e0 0\n3 0 1 1", "0.25                ").encode(), "need 2"),
+        (ASCII.replace("-2.5", "9" * 3_000_000).encode(), "no numbers"),
         (ASCII.replace("-2.5", "far").encode(), "no numbers"),
         (binary("<")[:-1], "cut off: need 2"),
     ],

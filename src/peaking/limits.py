@@ -49,11 +49,25 @@ MAX_PLACES = 2**25
 
 # Other files.
 
-MAX_TRANSFORMS_BYTES = 256 * 2**20
-"""Of a transforms.json; 100,000 frames take 60 MB."""
+MAX_TRANSFORMS_BYTES = 2**26
+"""Of a transforms.json; 50,000 frames take 25 to 60 MB."""
+
+MAX_TRANSFORMS_VALUES = 2**21
+"""Numbers, texts, lists and objects of a transforms.json; 50,000 frames have 1.6 million."""
+
+MAX_TRANSFORMS_DEPTH = 64
+
+TRANSFORMS_MEMORY_BYTES = 2**30
+"""That reading a transforms.json takes, whatever stands in it."""
 
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
+
+MAX_ASCII_POINTS_BYTES = 2**28
+"""The same, of text: 5 million points with colours."""
+
+POINTS_MEMORY_BYTES = 2**26
+"""That reading a point cloud takes, however large it is."""
 
 MAX_SPLAT_BYTES = 2**32
 """Of 3D Gaussians (.ply): 17 million."""

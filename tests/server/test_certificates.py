@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import ipaddress
 import os
 import shutil
 import socket
@@ -22,6 +23,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from peaking.errors import OutputError
+from peaking.server import certificates
 from peaking.server.certificates import (
     DAY,
     Authority,
@@ -193,6 +195,67 @@ def old_authority(key: ec.EllipticCurvePrivateKey) -> bytes:
         .sign(key, hashes.SHA256())
     )
     return made.public_bytes(Encoding.PEM)
+
+
+@pytest.mark.parametrize("name", ["dev", "app", "zip", "Box", "cloud."])
+def test_a_computers_bare_name_is_no_domain_of_the_internet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: name)
+    authority = open_authority(tmp_path)
+    domain = name.strip(".").lower()
+    for site in (f"web.{domain}", domain):
+        assert not authority.permits(site)
+        assert not verifies(tmp_path, signed_by(authority, [general_name(site)]))
+    served = ServerCertificate(authority)
+    assert f"{name.split('.')[0]}.local" in served.names
+    assert verifies(tmp_path, served.certificate)
+    assert open_authority(tmp_path).remarks == ()
+
+
+@pytest.mark.parametrize("name", ["dev", "com", "com.", ""])
+def test_a_bare_name_is_no_host(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match="need an address or a name with a dot"):
+        open_authority(tmp_path, hosts=[name])
+    open_authority(tmp_path, hosts=["localhost", "127.0.0.1", "fe80::1", "dev.local"])
+
+
+@pytest.mark.parametrize(
+    "wider",
+    [
+        x509.IPAddress(ipaddress.ip_network("0.0.0.0/0")),
+        x509.IPAddress(ipaddress.ip_network("::/0")),
+        x509.IPAddress(ipaddress.ip_network("8.8.8.0/31")),
+        x509.IPAddress(ipaddress.ip_network("192.0.0.0/8")),
+        *map(x509.DNSName, ["com", "", ".com", "com.", "DEV"]),
+        x509.RFC822Name("example.com"),
+    ],
+    ids=lambda one: str(one.value),
+)
+def test_an_authority_that_vouches_for_more_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wider: x509.GeneralName
+) -> None:
+    meant = certificates._constraints
+
+    def wide_constraints(names: Sequence[str]) -> list[x509.GeneralName]:
+        return [*meant(names), wider]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(certificates, "_constraints", wide_constraints)
+        wide = open_authority(tmp_path)
+    made = open_authority(tmp_path)
+    assert made.certificate != wide.certificate
+    assert "more than is served" in made.remarks[0]
+    assert wider not in certificates._permitted(made.certificate)
+    assert open_authority(tmp_path).remarks == ()
+
+
+def test_another_name_of_the_computer_needs_no_new_authority(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("desk.lab.example", "lab.example", "desk", "desk.local", "desk.lab.example"):
+        monkeypatch.setattr(socket, "gethostname", lambda: name)  # noqa: B023
+        assert open_authority(tmp_path).remarks == ()
 
 
 def test_what_host_names_is_vouched_for_and_stays(tmp_path: Path) -> None:

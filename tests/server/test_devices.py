@@ -454,8 +454,26 @@ def test_who_is_wrong_often_waits_longer_and_nobody_else_does() -> None:
     asyncio.run(guesses.before("10.0.0.8"))
     assert clock.now_s == before_s
     for number in range(20):  # one machine has as many IPv6 addresses as it likes
-        asyncio.run(guess(1, f"fd00::{number:x}"))
+        asyncio.run(guess(1, f"2a02::{number:x}"))
     assert clock.now_s > before_s + 8
+
+
+@pytest.mark.parametrize("network", ["fe80::", "fd12:3456:789a:1::", "::ffff:10.0.0.", "10.0.0."])
+def test_a_neighbour_who_guesses_slows_nobody_else(network: str) -> None:
+    async def guess() -> None:
+        guesses = Guesses()
+        for _ in range(FREE_FAILURES):
+            await guesses.failed(f"{network}66")
+        waiting = [asyncio.ensure_future(guesses.before(f"{network}66")) for _ in range(2)]
+        await asyncio.sleep(0)
+        async with asyncio.timeout(0.2):  # the other one waits longer
+            await guesses.before(f"{network}7")
+            await guesses.failed(f"{network}7")
+        for one in waiting:
+            one.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+
+    asyncio.run(guess())
 
 
 def test_who_waits_is_bounded_and_so_is_what_is_remembered() -> None:

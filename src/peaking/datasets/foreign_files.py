@@ -12,6 +12,7 @@ import os
 import stat
 from collections.abc import Generator
 from pathlib import Path
+from typing import BinaryIO
 
 from peaking.errors import RecordingError
 
@@ -35,7 +36,21 @@ def read_bytes(
         RecordingError: It cannot be read, is too long, or links lead to it out of
             `within`.
     """
-    with _opened(path, within) as descriptor:
+    with opened(path, within=within, at_most=at_most) as file:
+        size = os.fstat(file.fileno()).st_size
+        return file.read(size if count is None else min(count, size))
+
+
+@contextlib.contextmanager
+def opened(
+    path: Path, *, within: Path | None = None, at_most: int | None = None
+) -> Generator[BinaryIO]:
+    """Yield a file, opened for reading.
+
+    Raises:
+        RecordingError: As `read_bytes`.
+    """
+    with _opened(path, within) as descriptor, os.fdopen(os.dup(descriptor), "rb") as file:
         size = os.fstat(descriptor).st_size
         if at_most is not None and size > at_most:
             raise RecordingError(
@@ -43,8 +58,7 @@ def read_bytes(
                 f"has {size:,} bytes, and at most {at_most:,} are read",
                 remedy="store less in it",
             )
-        with os.fdopen(os.dup(descriptor), "rb") as file:
-            return file.read(size if count is None else min(count, size))
+        yield file
 
 
 @contextlib.contextmanager

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import os
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Float, Float64
 
-from peaking.datasets.foreign_files import read_bytes
+from peaking.datasets.foreign_files import opened, read_bytes
 from peaking.errors import RecordingError
-from peaking.limits import MAX_POINTS_BYTES
+from peaking.limits import MAX_ASCII_POINTS_BYTES, MAX_POINTS_BYTES
 
 MAX_POINTS = 200_000
 """Of a larger cloud, every second, third … point is read."""
 
 _HEAD_BYTES = 1 << 16
+_BLOCK_BYTES = 1 << 20
+"""Read at once: the whole of a cloud may be far larger than the points that are kept."""
 _TYPES = {
     "char": "i1",
     "uchar": "u1",
@@ -36,6 +41,7 @@ _TYPES = {
     "float64": "f8",
 }
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_SPACES = (b" ", b"\n", b"\r", b"\t", b"\v", b"\f")
 _AGAIN = "export the points again as .ply (x, y, z), or remove ply_file_path"
 
 
@@ -47,6 +53,22 @@ class _Layout:
     order: str
     count: int
     properties: tuple[tuple[str, str], ...]
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name, _ in self.properties]
+
+    @property
+    def row(self) -> np.dtype[np.void]:
+        """One vertex, where the file is binary."""
+        return np.dtype([(name, self.order + code) for name, code in self.properties])
+
+    @property
+    def least_bytes(self) -> int:
+        """Of all vertices; in text a number takes up 2 bytes, but for the last."""
+        if self.order:
+            return self.count * self.row.itemsize
+        return 2 * self.count * len(self.properties) - 1
 
 
 def check_points(path: Path, *, within: Path | None = None) -> None:
@@ -65,7 +87,8 @@ def check_points(path: Path, *, within: Path | None = None) -> None:
 def read_points(path: Path, *, within: Path | None = None) -> Float64[np.ndarray, "n 3"]:
     """Read the points of a .ply, ascii or binary; those that are not finite are left out.
 
-    At most `MAX_POINTS`, evenly spaced in the file.
+    At most `MAX_POINTS`, evenly spaced in the file. However large the file, reading it takes less
+    than `peaking.limits.POINTS_MEMORY_BYTES`.
 
     Args:
         path: The file.
@@ -74,21 +97,19 @@ def read_points(path: Path, *, within: Path | None = None) -> Float64[np.ndarray
     Raises:
         RecordingError: As `check_points`, or the file is cut off, or too large.
     """
-    data = read_bytes(path, within=within, at_most=MAX_POINTS_BYTES)
-    layout = _layout(path, data)
-    names = [name for name, _ in layout.properties]
-    if layout.order:
-        kind = np.dtype([(name, layout.order + code) for name, code in layout.properties])
-        if len(data) - layout.start < layout.count * kind.itemsize:
+    with opened(path, within=within, at_most=MAX_POINTS_BYTES) as file:
+        layout = _layout(path, file.read(_HEAD_BYTES))
+        left = os.fstat(file.fileno()).st_size - layout.start
+        if left < layout.least_bytes:
             raise _cut_off(path, layout)
-        vertices = np.frombuffer(data, kind, layout.count, layout.start)
-        columns = [vertices[name].astype(np.float64) for name in ("x", "y", "z")]
-    else:
-        table = _numbers(path, data[layout.start :], layout).reshape(layout.count, len(names))
-        columns = [table[:, names.index(name)] for name in ("x", "y", "z")]
-    points = np.stack(columns, axis=1)
-    points = points[np.isfinite(points).all(axis=1)]
-    return points[:: max(1, -(-len(points) // MAX_POINTS))]
+        if not layout.order and left > MAX_ASCII_POINTS_BYTES:
+            problem = f"has {left:,} bytes of text, and at most {MAX_ASCII_POINTS_BYTES:,} are read"
+            raise RecordingError(path, problem, remedy="export the points as a binary .ply")
+        file.seek(layout.start)
+        step = max(1, -(-layout.count // MAX_POINTS))
+        rows = _binary_rows if layout.order else _ascii_rows
+        points = np.concatenate([np.zeros((0, 3)), *rows(path, file, layout, step)])
+    return points[np.isfinite(points).all(axis=1)]
 
 
 def encode_points(points_m: Float[np.ndarray, "n 3"]) -> bytes:
@@ -130,20 +151,59 @@ def _layout(path: Path, data: bytes) -> _Layout:
     return _Layout(end + 1, order, int(elements[0][1]), tuple(properties))
 
 
-def _numbers(path: Path, text: bytes, layout: _Layout) -> Float64[np.ndarray, "numbers"]:
-    """Return the numbers of an ascii file; a word takes up 2 bytes at least."""
-    wanted = layout.count * len(layout.properties)
-    if 2 * wanted > len(text) + 1:
-        raise _cut_off(path, layout)
+def _binary_rows(
+    path: Path, file: BinaryIO, layout: _Layout, step: int
+) -> Iterator[Float64[np.ndarray, "n 3"]]:
+    """Yield every `step`-th point, block by block."""
+    row = layout.row
+    at_once = max(1, _BLOCK_BYTES // row.itemsize)
+    for first in range(0, layout.count, at_once):
+        wanted = min(at_once, layout.count - first)
+        data = file.read(wanted * row.itemsize)
+        if len(data) < wanted * row.itemsize:
+            raise _cut_off(path, layout)
+        vertices = np.frombuffer(data, row)[-first % step :: step]
+        yield np.stack([vertices[name].astype(np.float64) for name in "xyz"], axis=1)
+
+
+def _ascii_rows(
+    path: Path, file: BinaryIO, layout: _Layout, step: int
+) -> Iterator[Float64[np.ndarray, "n 3"]]:
+    """Yield every `step`-th point, block by block."""
+    width = len(layout.names)
+    columns = [layout.names.index(name) for name in "xyz"]
+    text, numbers, first = b"", np.zeros(0), 0
+    while first < layout.count:
+        block = file.read(_BLOCK_BYTES)
+        text += block
+        end = max(map(text.rfind, _SPACES)) + 1 if block else len(text)
+        if len(text) - end > _BLOCK_BYTES:
+            raise _no_numbers(path)
+        wanted = (layout.count - first) * width - len(numbers)
+        numbers = np.concatenate([numbers, _numbers(path, text[:end], wanted)])
+        text = text[end:]
+        rows = len(numbers) // width
+        yield numbers[: rows * width].reshape(rows, width)[-first % step :: step, columns]
+        numbers, first = numbers[rows * width :], first + rows
+        if not block and first < layout.count:
+            raise _cut_off(path, layout)
+
+
+def _numbers(path: Path, text: bytes, wanted: int) -> Float64[np.ndarray, "numbers"]:
+    """Return the numbers of a text, so many at most; what follows them may be anything."""
+    count = min(wanted, len(text.split()))  # of more, NumPy returns memory that nobody wrote to
+    if count == 0:
+        return np.zeros(0)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # of words that are no numbers
-            numbers = np.fromstring(text.decode("ascii"), np.float64, count=wanted, sep=" ")
+            return np.fromstring(text.decode("ascii"), np.float64, count=count, sep=" ")
     except (ValueError, DeprecationWarning) as error:
-        raise RecordingError(path, "holds words that are no numbers", remedy=_AGAIN) from error
-    if len(numbers) < wanted:
-        raise _cut_off(path, layout)
-    return numbers
+        raise _no_numbers(path) from error
+
+
+def _no_numbers(path: Path) -> RecordingError:
+    return RecordingError(path, "holds words that are no numbers", remedy=_AGAIN)
 
 
 def _cut_off(path: Path, layout: _Layout) -> RecordingError:

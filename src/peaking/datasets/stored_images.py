@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import simplejpeg
 from jaxtyping import Float32, Integer, UInt8
+from numpy.lib.format import open_memmap
 
 from peaking.datasets.foreign_files import read_bytes, real_path
 from peaking.errors import RecordingError
@@ -193,8 +194,8 @@ def _npy(path: Path, within: Path | None) -> np.ndarray:
     """Map an .npy file into memory; its length is checked against its header."""
     with real_path(path, within=within) as opened:
         try:
-            array = np.load(opened, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, EOFError, OverflowError, MemoryError) as error:
+            array = open_memmap(opened, mode="r")  # np.load opens archives and pickles too
+        except Exception as error:  # damaged bytes raise anything
             raise RecordingError(path, f"is not a sound .npy ({error})", remedy=_CUT_OFF) from error
     if array.ndim != 2 or array.dtype.kind not in "uif" or array.size == 0:
         raise RecordingError(

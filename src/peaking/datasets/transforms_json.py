@@ -22,7 +22,7 @@ from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.errors import RecordingError
 from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Pinhole, Rigid, World
-from peaking.limits import MAX_TRANSFORMS_BYTES
+from peaking.limits import MAX_TRANSFORMS_BYTES, MAX_TRANSFORMS_DEPTH, MAX_TRANSFORMS_VALUES
 
 Json = Mapping[str, Any]
 
@@ -159,7 +159,8 @@ def read_json(root: Path, *, within: Path | None = None) -> Json:
         within: A folder; a link that leads out of it is refused.
 
     Raises:
-        RecordingError: The folder or the file is missing, or it is not a JSON object.
+        RecordingError: The folder or the file is missing, or it is not a JSON object, or holds more
+            than is read (`peaking.limits`).
     """
     if not root.is_dir():
         problem = "is not a folder" if root.exists() else "does not exist"
@@ -169,12 +170,20 @@ def read_json(root: Path, *, within: Path | None = None) -> Json:
         remedy = "give the folder that holds it: a recording in nerfstudio's format"
         raise RecordingError(path, "does not exist", remedy=remedy)
     data = read_bytes(path, within=within, at_most=MAX_TRANSFORMS_BYTES)
+    # Every field and item follows one of these; a few more stand in texts. One may take 200 bytes.
+    values = sum(data.count(mark) for mark in b",[{")
+    if values > MAX_TRANSFORMS_VALUES:
+        problem = f"holds {values:,} values, and at most {MAX_TRANSFORMS_VALUES:,} are read"
+        raise RecordingError(path, problem, remedy="leave out frames, or fields of frames")
     try:
         value = json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise RecordingError(path, f"is not JSON ({error})", remedy=_EXPORT_AGAIN) from error
     if not isinstance(value, dict):
         problem = f"need a JSON object, got {_shown(value)}"
+        raise RecordingError(path, problem, remedy=_EXPORT_AGAIN)
+    if _is_deep(cast(Json, value)):
+        problem = f"is nested more than {MAX_TRANSFORMS_DEPTH} deep"
         raise RecordingError(path, problem, remedy=_EXPORT_AGAIN)
     return cast(Json, value)
 
@@ -306,6 +315,20 @@ def _refuse_other_lenses(fields: Fields) -> None:
                 f"only {', '.join(_BENDS)} can be undistorted, but {key} is not 0",
                 remedy=remedy,
             )
+
+
+def _is_deep(value: Json) -> bool:
+    """Return whether lists and objects are nested deeper than is read."""
+    level: list[Any] = [value]
+    for _ in range(MAX_TRANSFORMS_DEPTH):
+        level = [inner for outer in level for inner in _inside(outer)]
+    return bool(level)
+
+
+def _inside(value: Any) -> Iterator[Any]:
+    """Yield the lists and objects that a list or an object holds."""
+    inner = cast("Json", value).values() if isinstance(value, dict) else cast("list[Any]", value)
+    yield from (cast(Any, one) for one in inner if isinstance(one, list | dict))
 
 
 def _texts(value: Any, *, is_path: bool) -> Iterator[str]:

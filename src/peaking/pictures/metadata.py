@@ -19,8 +19,6 @@ _JFIF_BYTES, _ADOBE_BYTES = 12, 12
 _KIND_BYTES = 12
 """Of a segment's beginning: they tell its kind."""
 _PNG_KINDS = png.PIXELS | {b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"sBIT", b"cICP", b"pHYs"}
-_HEADLESS = (b"BM", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6")
-"""How BMP and PNM begin, which have no metadata."""
 
 
 def without_metadata(data: bytes) -> bytes:
@@ -29,7 +27,7 @@ def without_metadata(data: bytes) -> bytes:
     What was cut off stays so: decoders complain of it.
 
     Raises:
-        ValueError: It is no sound picture of these kinds, nor one that cannot have metadata.
+        ValueError: It is no sound picture of these kinds.
     """
     if data.startswith(jpeg.START):
         return jpeg_without_metadata(data, jpeg.segments(data))
@@ -37,8 +35,6 @@ def without_metadata(data: bytes) -> bytes:
         return png.png_of(data, _PNG_KINDS)
     if webp.is_webp(data):
         return webp.without_metadata(data)
-    if data.startswith(_HEADLESS):
-        return data
     raise ValueError("is of a kind whose metadata cannot be removed")
 
 

@@ -3,7 +3,9 @@
 The authority is made once and kept, with its key, in the user's configuration folder; a phone that
 installed it trusts this server from then on. It can vouch for private addresses, this machine's
 names and what `--host` named, for five years, and for nothing else: whoever steals its key cannot
-pass for a site of the internet. The server's own certificate (`server_certificate.py`) is made anew
+pass for a site of the internet. A name in it stands for all names that end in it, so a bare one
+(`dev`, `app`) would be a whole domain of the internet: such a computer is served as `dev.local` and
+by its addresses. The server's own certificate (`server_certificate.py`) is made anew
 at every start.
 """
 
@@ -100,8 +102,15 @@ def open_authority(
         clock: Seconds since 1970.
 
     Raises:
+        ValueError: One of `hosts` is neither, or a name without a dot.
         OutputError: It cannot be stored.
     """
+    for host in hosts:
+        if is_bare(host):
+            raise ValueError(
+                f"need an address or a name with a dot ({host or 'this'}.local), got {host!r}: the "
+                "authority would vouch for every name that ends in it"
+            )
     now = datetime.datetime.fromtimestamp(clock(), datetime.UTC)
     certificate, key = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     try:
@@ -140,6 +149,14 @@ def general_name(name: str) -> x509.DNSName | x509.IPAddress:
         raise ValueError(f"need a host name or an address, got {name!r}") from None
 
 
+def is_bare(name: str) -> bool:
+    """Return whether a name is without a dot, as top-level domains are, and not private."""
+    found = general_name(name)
+    if isinstance(found, x509.IPAddress) or found.value in PRIVATE_NAMES:
+        return False
+    return "." not in found.value.strip(".")
+
+
 def lan_addresses() -> list[str]:
     """Return the addresses at which other devices may reach this machine, likeliest first."""
     found: list[str] = []
@@ -161,14 +178,13 @@ def lan_addresses() -> list[str]:
 
 
 def machine_names() -> list[str]:
-    """Return the names of this machine that certificates can hold."""
+    """Return the names of this machine that certificates can hold, without bare ones."""
     own = socket.gethostname()
     names = [own, own if own.endswith(".local") else f"{own.split('.')[0]}.local"]
     kept: list[str] = []
     for name in names:
         with contextlib.suppress(ValueError):
-            general_name(name)
-            kept.append(name)
+            kept += [] if is_bare(name) else [name]
     return kept
 
 
@@ -202,16 +218,6 @@ def _make(names: Sequence[str], now: datetime.datetime) -> Authority:
             x509.NameAttribute(NameOID.COMMON_NAME, f"peaking on {socket.gethostname()}"[:64]),
         ]
     )
-    permitted: list[x509.GeneralName] = [
-        *(x509.IPAddress(ipaddress.ip_network(network)) for network in PRIVATE_NETWORKS),
-        *(x509.DNSName(name) for name in PRIVATE_NAMES),
-    ]
-    for name in [*machine_names(), *names]:
-        found = general_name(name)
-        if not any(_lies_in(found, one) for one in permitted):
-            if isinstance(found, x509.IPAddress):
-                found = x509.IPAddress(ipaddress.ip_network(found.value))
-            permitted.append(found)
     own = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
     certificate = (
         x509.CertificateBuilder()
@@ -222,7 +228,7 @@ def _make(names: Sequence[str], now: datetime.datetime) -> Authority:
         .not_valid_before(now - CLOCKS_DIFFER)
         .not_valid_after(now + AUTHORITY_LASTS)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(x509.NameConstraints(permitted, None), critical=True)
+        .add_extension(x509.NameConstraints(_constraints(names), None), critical=True)
         .add_extension(key_usage(signs_certificates=True), critical=True)
         .add_extension(own, critical=False)
         .add_extension(
@@ -231,6 +237,21 @@ def _make(names: Sequence[str], now: datetime.datetime) -> Authority:
         .sign(key, hashes.SHA256())
     )
     return Authority(certificate, key)
+
+
+def _constraints(names: Sequence[str]) -> list[x509.GeneralName]:
+    """Return what an authority vouches for: what is private, this machine and `names`."""
+    permitted: list[x509.GeneralName] = [
+        *(x509.IPAddress(ipaddress.ip_network(network)) for network in PRIVATE_NETWORKS),
+        *(x509.DNSName(name) for name in PRIVATE_NAMES),
+    ]
+    for name in [*machine_names(), *names]:
+        found = general_name(name)
+        if not any(_lies_in(found, one) for one in permitted):
+            if isinstance(found, x509.IPAddress):
+                found = x509.IPAddress(ipaddress.ip_network(found.value))
+            permitted.append(found)
+    return permitted
 
 
 def _read(
@@ -249,8 +270,12 @@ def _read(
     found = Authority(read, signs)
     if read.not_valid_after_utc > now + AUTHORITY_LASTS + DAY:
         return None, f"the authority was made to last longer than {YEARS} years"
-    if not _permitted(read):
+    permitted = _permitted(read)
+    if not permitted:
         return None, "the authority could vouch for every site of the internet"
+    meant = _constraints([*hosts, *_hosts_of(read)])
+    if wider := [str(one.value) for one in permitted if not any(_lies_in(one, m) for m in meant)]:
+        return None, f"the authority could vouch for more than is served: {', '.join(wider)}"
     if not read.not_valid_before_utc <= now <= read.not_valid_after_utc - RENEWED_BEFORE_END:
         return None, "the authority ends soon"
     missing = [name for name in hosts if not found.permits(name)]
@@ -261,11 +286,11 @@ def _read(
 
 def _permitted(certificate: x509.Certificate) -> list[x509.GeneralName]:
     """Return what an authority is restricted to; nothing when it is not restricted."""
-    extensions = certificate.extensions
     try:
+        extensions = certificate.extensions
         limits = extensions.get_extension_for_class(x509.NameConstraints)
         basic = extensions.get_extension_for_class(x509.BasicConstraints)
-    except x509.ExtensionNotFound:
+    except (ValueError, x509.ExtensionNotFound, x509.DuplicateExtension):
         return []
     permitted = list(limits.value.permitted_subtrees or ())
     both = {type(one) for one in permitted} >= {x509.DNSName, x509.IPAddress}
@@ -275,13 +300,18 @@ def _permitted(certificate: x509.Certificate) -> list[x509.GeneralName]:
 def _already_permitted(certificate: Path) -> list[str]:
     """Return the single hosts that the authority before vouched for: they stay served."""
     try:
-        permitted = _permitted(x509.load_pem_x509_certificate(certificate.read_bytes()))
+        return _hosts_of(x509.load_pem_x509_certificate(certificate.read_bytes()))
     except (ValueError, OSError):
         return []
+
+
+def _hosts_of(certificate: x509.Certificate) -> list[str]:
+    """Return the single hosts among what an authority vouches for."""
     names: list[str] = []
-    for one in permitted:
+    for one in _permitted(certificate):
         if isinstance(one, x509.DNSName):
-            names.append(one.value)
+            with contextlib.suppress(ValueError):
+                names += [] if is_bare(one.value) else [one.value]
         elif isinstance(one, x509.IPAddress):
             network = ipaddress.ip_network(str(one.value))
             names += [str(network.network_address)] if network.num_addresses == 1 else []
@@ -294,9 +324,8 @@ def _lies_in(name: x509.GeneralName, permitted: x509.GeneralName) -> bool:
             inner, outer = name.value.lower(), permitted.value.lower()
             return inner == outer or inner.endswith("." + outer)
         case x509.IPAddress(), x509.IPAddress():
-            address = ipaddress.ip_address(str(name.value))
-            network = ipaddress.ip_network(str(permitted.value))
-            return address.version == network.version and address in network
+            inner, outer = (ipaddress.ip_network(str(one.value)) for one in (name, permitted))
+            return inner.network_address in outer and inner.broadcast_address in outer
         case _:
             return False
 

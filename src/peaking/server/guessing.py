@@ -113,12 +113,18 @@ class Guesses:
 
 
 def _network(address: str) -> str:
-    """Return what counts as one address: of IPv6 a whole /64, which one machine may have."""
+    """Return what counts as one address: of global IPv6 a whole /64, which one machine may have.
+
+    Other networks (fe80::/64, fd…::/64) are those of everybody on the spot: each address counts for
+    itself, and a neighbour who guesses slows nobody else. It may take as many addresses as it likes
+    and guess as fast as the server answers; the codes' length is what stops it.
+    """
     try:
         found = ipaddress.ip_address(address.split("%")[0])
     except ValueError:
         return address
     if isinstance(found, ipaddress.IPv6Address):
-        mapped = found.ipv4_mapped
-        return str(mapped or ipaddress.ip_network((found, 64), strict=False))
+        found = found.ipv4_mapped or found
+        if isinstance(found, ipaddress.IPv6Address) and found.is_global:
+            return str(ipaddress.ip_network((found, 64), strict=False))
     return str(found)

@@ -52,5 +52,5 @@ def _stored(frame: Any, at_s: float) -> CaptureStored | None:
         if photo_name(number) != frame["file_path"]:
             return None
         return msgspec.json.decode(msgspec.json.encode(stored), type=CaptureStored)
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
         return None

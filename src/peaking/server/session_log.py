@@ -143,7 +143,7 @@ def named_in(log: Path) -> Named | None:
     try:
         with log.open("rb") as file:
             return msgspec.json.decode(file.readline(), type=_FirstLine).session
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+    except (OSError, ValueError, RecursionError):
         return None
 
 

@@ -8,7 +8,10 @@ from pathlib import Path
 
 _PATH_FIRST = re.compile(r"(?:~|[A-Za-z]:)?[/\\].*?(?=: |\Z)", re.DOTALL)
 """An error begins with the path of a file, then ": ", as a rule."""
-_PATH = re.compile(r"(?<![\w.~/:<*-])~?(?:/[^\s/:;,'\"()]+)+/?")
+_PATH = re.compile(
+    r"(?<![\w.~/:<*-])~?(?:/[^\s/:;,'\"()][^/:;,'\"()\n]*(?=/))*(?:/[^\s/:;,'\"()]+)/?"
+)
+"""Names of folders may have spaces in them."""
 
 
 def without_paths(text: str, *folders: Path) -> str:
@@ -21,7 +24,8 @@ def without_paths(text: str, *folders: Path) -> str:
     for folder in folders:
         for place in {str(folder), os.path.realpath(folder)} - {".", "/"}:
             text = re.sub(rf"(?<![\w./-]){re.escape(place)}(/|(?![\w./-]))", "", text)
-    text = _PATH_FIRST.sub(lambda found: _last(found[0]), text, count=1) if _begins(text) else text
+    if first := _PATH_FIRST.match(text):
+        text = _last(first[0]) + text[first.end() :]
     return _PATH.sub(lambda found: _last(found[0]), text)
 
 
@@ -35,10 +39,6 @@ def cause_of(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return "not enough memory"
     return f"a fault of the program: {type(error).__name__}"
-
-
-def _begins(text: str) -> bool:
-    return _PATH_FIRST.match(text) is not None
 
 
 def _last(path: str) -> str:
