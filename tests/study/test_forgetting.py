@@ -120,10 +120,13 @@ def test_what_a_page_tells_for_ever_keeps_no_photos(folder: Path, clock: Clock) 
     assert photos_in(folder) == 0
 
 
-def test_a_capture_that_is_begun_anew_leaves_no_photos(folder: Path, clock: Clock) -> None:
+@pytest.mark.parametrize("again", ["t1.capture", "consent"])
+def test_a_capture_that_is_begun_anew_leaves_no_photos(
+    folder: Path, clock: Clock, again: str
+) -> None:
     study = opened(folder, clock)
     participant = capturing(study, images=False)
-    participant.repeat("t1.capture", "a bell rang", new_id="again-01")
+    participant.repeat(again, "a bell rang", new_id="again-01")
     study.forget_images(participant)
     assert photos_in(folder) == 0
 

@@ -24,7 +24,7 @@ from starlette.routing import Route
 
 import peaking
 from peaking.datasets.foreign_files import read_bytes
-from peaking.errors import OutputError, PeakingError
+from peaking.errors import PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
 from peaking.pictures.metadata import without_metadata
@@ -128,7 +128,7 @@ class _Handlers:
             await asyncio.sleep(ERASED_EVERY_S)
             try:
                 await run_in_threadpool(self.store.erase_expired)
-            except OSError:  # a full disk: tried again
+            except (OSError, PeakingError):  # a full disk: tried again
                 _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
@@ -218,11 +218,7 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        if not await run_in_threadpool(self.store.erase, session_id):
-            raise OutputError(
-                "The session is erased, and the system does not let all of its folder be deleted: "
-                "the problems beside the list of sessions name what is left."
-            )
+        await run_in_threadpool(self.store.erase, session_id)
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import PeakingError
+from peaking.errors import OutputError, PeakingError
 from peaking.output import flush, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
@@ -186,15 +186,12 @@ class SessionStore:
         """Have `tell` called, in any thread, with the id of each session that is erased."""
         self._told_of_erasures.append(tell)
 
-    def erase(self, session_id: str) -> bool:
+    def erase(self, session_id: str) -> None:
         """Erase a session, with all that was made of it: for ever, also one that is not here yet.
-
-        Returns:
-            Whether all of it is gone; what the system refuses to delete is hidden, and deleted at
-            the next start.
 
         Raises:
             OSError: It could not be noted; nothing was erased.
+            OutputError: It is noted, and something is left that cannot be deleted.
         """
         with self._lock:
             self._folder.note_erased(session_id)
@@ -208,7 +205,8 @@ class SessionStore:
             self.problems += [problem for problem in said if problem not in self.problems]
         for tell in self._told_of_erasures:
             tell(session_id)
-        return not left
+        if left:
+            raise OutputError(StoreFolder.cannot_be_deleted(left[0]))
 
     def erase_expired(self) -> list[str]:
         """Erase the sessions that were deleted too long ago to be restored; return their ids.

@@ -187,7 +187,7 @@ def ids_of(folder: Path) -> set[str]:
     It is two where one of its files is damaged in a way that is not noticed.
     """
     named = session_log.named_in(folder / session_log.FILE_NAME)
-    found: set[str] = set() if named is None else {named.id}
+    found = set[str]() if named is None else {named.id}
     with contextlib.suppress(OSError, ValueError):
         found.add(msgspec.convert((folder / ID_FILE).read_text(), wire.Id))
     return found

@@ -125,7 +125,8 @@ def sessions_to_forget(
     """Return the capture sessions of a participant whose photos may not be kept (any longer).
 
     Photos that may not be kept wait for the review of their trial: until it is over, the capture is
-    begun anew, the participant leaves or is left out, or nothing happens for `KEPT_FOR_REVIEW_S`.
+    begun anew, consent is asked for again, the participant refuses or is excluded, or nothing
+    happens for `KEPT_FOR_REVIEW_S`.
 
     Args:
         events: Of the participant; damaged ones may be missing.
@@ -152,7 +153,9 @@ def sessions_to_forget(
                 trial = event.step.removesuffix("review")
                 waiting = {s: step for s, step in waiting.items() if not step.startswith(trial)}
             case StepRepeated():
-                waiting = {s: step for s, step in waiting.items() if step != event.step}
+                waiting = {
+                    s: step for s, step in waiting.items() if event.step not in ("consent", step)
+                }
             case _:
                 pass
     return [s for s in dict.fromkeys(found) if s not in gone and (left or s not in waiting)]

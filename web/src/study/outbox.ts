@@ -6,9 +6,10 @@
 import { list, parseKept } from '../schema';
 import { ApiError } from '../server/api';
 import { backoff_ms, browserPacing, type Pacing } from '../server/pacing';
-import type { ParticipantApi } from './study_api';
+import { ParticipantApi } from './study_api';
 import { MAX_EVENTS, toldSchema, type Told } from './wire';
 
+const PREFIX = 'peaking.study.outbox.';
 const EVERY_MS = 1000;
 /** Not valid, too much, of somebody who is erased or does not take part (404, 409, 410). */
 const NEVER_TAKEN = new Set([400, 404, 409, 410, 413, 422]);
@@ -76,17 +77,28 @@ export function outboxOf(study: ParticipantApi, session: string): Outbox {
     study.tell(crypto.randomUUID(), session, events));
 }
 
-/** Send what earlier pages of this participant could not; `own` is a session that has its outbox. */
+/**
+ * Send what earlier pages of this phone could not; `own` is a session that has its outbox. What is of
+ * a participant whose phone this no longer is does not stay here.
+ */
 export function sendLeftovers(study: ParticipantApi, own: string | null = null): void {
-  const prefix = prefixOf(study);
   for (const key of Object.keys(localStorage)) {
-    if (!key.startsWith(prefix) || key === prefix + own) continue;
-    void outboxOf(study, key.slice(prefix.length)).run();
+    if (!key.startsWith(PREFIX) || key === prefixOf(study) + own) continue;
+    const [participant = '', session = ''] = key.slice(PREFIX.length).split('.');
+    if (participant === study.participant) {
+      void outboxOf(study, session).run();
+      continue;
+    }
+    const theirs = new ParticipantApi(study.api, participant);
+    void new Outbox(key, (events) => theirs.tell(crypto.randomUUID(), session, events)
+      .catch((error: unknown) => {
+        if (!(error instanceof ApiError) || error.status !== 403) throw error;
+      })).run();
   }
 }
 
 function prefixOf(study: ParticipantApi): string {
-  return `peaking.study.outbox.${study.participant}.`;
+  return `${PREFIX}${study.participant}.`;
 }
 
 function stored(text: string | null): Told[] {

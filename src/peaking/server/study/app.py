@@ -22,7 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Mount, Route
 
-from peaking.errors import PeakingError
+from peaking.errors import OutputError, PeakingError
 from peaking.server.auth import Guard
 from peaking.server.device_routes import pairing_link
 from peaking.server.devices import Devices
@@ -207,7 +207,10 @@ class _Handlers:
     ) -> wire.ParticipantState:
         """Change a participant, and tell the phone (in a thread)."""
         change(participant)
-        self.study.forget_images(participant)
+        try:
+            self.study.forget_images(participant)
+        except (OSError, OutputError):  # the participant goes on, and it is tried again
+            _log.warning("photos of %s cannot be erased", participant.pseudonym, exc_info=True)
         state = self._state(participant)
         self.hub.send(participant.pseudonym, state, replaces=True)
         return state

@@ -74,14 +74,13 @@ def finish_erasures(
     for entry in entries:
         folder = participant_folder(study, entry.participant)
         try:
-            gone = [store.erase(session) for session in entry.sessions]
+            for session in entry.sessions:
+                store.erase(session)
             if devices is not None:
                 devices.forget(entry.participant)
-            if all(gone) and folder.exists():
+            if folder.exists():
                 shutil.rmtree(folder)
-            cause = "" if all(gone) else "not all of a session's folder can be deleted"
         except (OSError, OutputError) as error:
             cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        if cause:
             problems.append(f"{entry.participant} is erased, and something is left ({cause})")
     return problems

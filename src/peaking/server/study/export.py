@@ -12,6 +12,7 @@ from peaking.errors import StudyError
 from peaking.output import replaced
 from peaking.reports.csv_table import csv_text
 from peaking.server import session_log
+from peaking.server.store_folder import ids_of
 from peaking.study.measures import measures_of
 from peaking.study.privacy import owners, readable_logs
 from peaking.study.protocol import load_protocol
@@ -60,7 +61,8 @@ def _session_folders(study: Path, participant: str) -> Iterator[Path]:
     owner_of = owners(readable_logs(study))
     for log in sorted((study / "sessions").glob(f"*/{session_log.FILE_NAME}")):
         named = session_log.named_in(log)
-        if named is not None and (named.owner or owner_of.get(named.id)) == participant:
+        owner = None if named is None else named.owner
+        if participant in ([owner] if owner else map(owner_of.get, ids_of(log.parent))):
             yield log.parent
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import PeakingError, StudyError
+from peaking.errors import OutputError, PeakingError, StudyError
 from peaking.server.admission import NotAdmitted
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.store_folder import PRIVATE
@@ -202,11 +202,12 @@ class OpenStudy:
 
         Raises:
             OSError: It could not be noted.
+            OutputError: Something is left that cannot be deleted.
         """
         sessions = participant.sessions_to_forget()
         for session in sessions:
-            if self.sessions.erase(session):
-                participant.images_erased(session)
+            self.sessions.erase(session)
+            participant.images_erased(session)
         return bool(sessions)
 
     def forget_overdue_images(self) -> tuple[list[OpenParticipant], list[str]]:
@@ -225,8 +226,9 @@ class OpenStudy:
                     self._forget_images_of_one_set_aside(name)
                 elif self.forget_images(participant):
                     told.append(participant)
-            except OSError as error:
-                problems.append(f"{name}: photos cannot be erased ({error.strerror})")
+            except (OSError, OutputError) as error:
+                cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
+                problems.append(f"{name}: photos cannot be erased ({cause})")
         return told, problems
 
     # Inside
