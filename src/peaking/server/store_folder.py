@@ -21,6 +21,7 @@ import msgspec
 
 from peaking.errors import OutputError
 from peaking.event_log import EventLog
+from peaking.foreign_json import decode_json
 from peaking.output import flush
 from peaking.server import session_log
 
@@ -183,15 +184,15 @@ def _id_in(log: Path) -> str | None:
     """Return the id in the first line of a session's log; None where it cannot be read."""
     try:
         with log.open("rb") as file:
-            return msgspec.json.decode(file.readline(), type=_FirstLine).session.id
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+            return decode_json(file.readline(), _FirstLine).session.id
+    except (OSError, ValueError):
         return None
 
 
 def _who(said: bytes) -> str:
     try:
-        holder = msgspec.json.decode(said, type=Holder)
-    except msgspec.DecodeError:
+        holder = decode_json(said, Holder)
+    except ValueError:
         return "another process"
     since = time.strftime("%H:%M", time.localtime(holder.since_s))
     return f"another process ({holder.command!r}, number {holder.pid}, since {since})"

@@ -20,6 +20,7 @@ import msgspec
 from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import StudyError
 from peaking.event_log import EventLog
+from peaking.foreign_json import decode_json
 from peaking.output import write_atomically
 from peaking.reports.csv_table import csv_text
 from peaking.study.measures import measures_of
@@ -144,8 +145,8 @@ def session_folders(study: Path, participant: str) -> list[Path]:
     owner_of = owners(readable_logs(study))
     found: list[Path] = []
     for log in sorted((study / "sessions").glob("*/log.jsonl")):
-        with log.open("rb") as file, contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
-            begun = msgspec.json.decode(file.readline(), type=_Begun).session
+        with log.open("rb") as file, contextlib.suppress(ValueError):
+            begun = decode_json(file.readline(), _Begun).session
             if (begun.owner or owner_of.get(begun.id)) == participant:
                 found.append(log.parent)
     return found
