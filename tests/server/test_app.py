@@ -412,6 +412,22 @@ def test_the_four_endings_of_a_photo(client: TestClient) -> None:
         assert (answer.status_code, answer.json()["type"]) == (410, "urn:peaking:problem:erased")
 
 
+@pytest.mark.parametrize("paired", [False, True])
+def test_no_request_makes_the_server_fail(tmp_path: Path, paired: bool) -> None:
+    with client_of(tmp_path, paired=paired) as client:
+        client.put(SESSION, json=new_session())
+        client.put(capture_path(1), content=upload(1))
+        asked = [
+            ("GET", "/api/v1/sessions%0A", {}),
+            ("GET", f"{SESSION}/events%0A", {}),
+            ("GET", f"{capture_path(1)}/mpi/{'9' * 5000}", {}),
+            ("GET", f"{capture_path(1)}/mpi/-1", {}),
+            ("PUT", SESSION, {"Origin": "http://["}),
+        ]
+        for method, path, headers in asked:
+            assert client.request(method, path, headers=headers).status_code in (403, 404), path
+
+
 def test_what_was_deleted_long_ago_is_erased_while_the_server_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from pathlib import Path
 
 import msgspec
@@ -14,8 +15,10 @@ from starlette.testclient import TestClient
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
 from peaking.server import wire
 from peaking.server.app import ServerOptions, create_app
-from peaking.server.sessions import SessionStore
-from peaking.server.upload import parse_upload
+from peaking.server.open_session import SessionGone
+from peaking.server.sessions import RESTORABLE_S, SessionStore
+from peaking.server.upload import BadUpload, parse_upload
+from server.test_sessions import empty_mpi
 
 SOUND_ID = "50d0d011-0000-4000-8000-000000000001"
 SAMPLE = {"peaked_share": 0.25, "missing_share": 0.0, "views": 1, "world_from_cam": [1.0] * 12}
@@ -66,6 +69,12 @@ def garbled(data: bytes, how: str, generator: random.Random) -> bytes:
             return data[:at]
         case "byte":
             return data[:at] + bytes([generator.randrange(256)]) + data[at + 1 :]
+        case "digit":
+            digits = [n for n, byte in enumerate(data) if byte in b"0123456789"]
+            at = generator.choice(digits or [0])
+            return (
+                data[:at] + str(generator.choice([0, 7, 10**9, 10**400])).encode() + data[at + 1 :]
+            )
         case "line":
             lines = data.splitlines(keepends=True)
             del lines[generator.randrange(len(lines)) if lines else slice(0)]
@@ -75,7 +84,7 @@ def garbled(data: bytes, how: str, generator: random.Random) -> bytes:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.sampled_from(["zeros", "cut", "byte", "line", "noise"]), st.integers(0, 2**32))
+@given(st.sampled_from(["zeros", "cut", "byte", "digit", "line", "noise"]), st.integers(0, 2**32))
 def test_whatever_is_garbled_the_rest_is_served(
     tmp_path_factory: pytest.TempPathFactory, made: Path, how: str, seed: int
 ) -> None:
@@ -114,6 +123,132 @@ def test_whatever_is_garbled_the_rest_is_served(
 def lose_line(log: Path, number: int) -> None:
     lines = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join(lines[:number] + lines[number + 1 :]))
+
+
+def begun_with(root: Path, *numbers: int) -> SessionStore:
+    store = SessionStore(root)
+    session = store.begin(SESSION_ID, NEW)[0]
+    for number in numbers:
+        session.store_capture(capture_id(number), parse_upload(upload(number)))
+    session.refresh_dataset()
+    return store
+
+
+def reopened(store: SessionStore) -> SessionStore:
+    store.close()
+    return SessionStore(store.root)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("log.jsonl", b'"world_from_cam":[', b'"world_from_cam":[7'),
+        ("log.jsonl", b'"number":1', b'"number":1' + b"0" * 400),
+        ("log.jsonl", b'{"type":"SessionBegun"', b"[" * 100_000),
+        ("transforms.json", b'"transform_matrix": [[', b'"transform_matrix": [[1' + b"0" * 400),
+    ],
+)
+def test_no_damage_stops_the_server(tmp_path: Path, name: str, old: bytes, new: bytes) -> None:
+    store = begun_with(tmp_path, 1, 2)
+    folder = store.get(SESSION_ID).folder
+    store.begin(SOUND_ID, NEW)
+    store.erase(capture_id(9))  # from now on it is looked who is who
+    data = (folder / name).read_bytes()
+    assert old in data
+    (folder / name).write_bytes(data.replace(old, new))
+    if name == "transforms.json":
+        lose_line(folder / "log.jsonl", 1)
+    store = reopened(store)
+    store.get(SOUND_ID)
+    assert any(folder.name in problem for problem in store.problems)
+    assert {path.read_bytes() for path in folder.glob("images/*")} == {photo(1), photo(2)}
+
+
+def test_copies_beside_the_photos_are_left_alone(tmp_path: Path) -> None:
+    store = begun_with(tmp_path, 1, 2)
+    folder = store.get(SESSION_ID).folder
+    copy = folder / "images" / "000001 copy.jpg"
+    copy.write_bytes(photo(1))
+    lose_line(folder / "log.jsonl", 2)
+    assert len(reopened(store).get(SESSION_ID).captures) == 2
+    assert copy.exists()
+
+
+def test_a_photo_that_is_missing_takes_nothing_along_and_may_come_back(tmp_path: Path) -> None:
+    store = begun_with(tmp_path, 1, 2)
+    images = store.get(SESSION_ID).folder / "images"
+    images.rename(tmp_path / "elsewhere")
+    store = reopened(store)
+    session = store.get(SESSION_ID)
+    assert sum("is missing" in problem for problem in store.problems) == 2
+    assert [c.removed for c in session.captures] == [True, True]
+    assert all("missing" in (c.problem or "") for c in session.captures)
+    session.finish(True)
+    images.rmdir()
+    (tmp_path / "elsewhere").rename(images)
+    session = reopened(store).get(SESSION_ID)
+    assert len(session.dataset_files()) == 5
+    assert session.frame_of(capture_id(1)).depth_m is not None
+
+
+def test_a_photo_that_was_brought_back_stays_when_the_line_is_lost(tmp_path: Path) -> None:
+    store = begun_with(tmp_path, 1)
+    session = store.get(SESSION_ID)
+    session.remove_capture(capture_id(1))
+    session.restore_capture(capture_id(1))
+    log = session.folder / "log.jsonl"
+    log.write_bytes(log.read_bytes().replace(b"CaptureRestored", b"Capture\0estored"))
+    session = reopened(store).get(SESSION_ID)
+    assert not session.capture(capture_id(1)).removed
+    session.finish(True)
+    assert len(session.dataset_files()) == 3
+
+
+@pytest.mark.parametrize("ending", ["erased", "undone"])
+def test_what_was_taken_back_is_not_taken_in_when_its_line_is_lost(
+    tmp_path: Path, ending: str
+) -> None:
+    store = begun_with(tmp_path, 1, 2)
+    session = store.get(SESSION_ID)
+    (session.erase_capture if ending == "erased" else session.remove_capture)(capture_id(1))
+    session.refresh_dataset()
+    lose_line(session.folder / "log.jsonl", 1)
+    session = reopened(store).get(SESSION_ID)
+    with pytest.raises(BadUpload, match="taken back"):
+        session.store_capture(capture_id(1), parse_upload(upload(1)))
+    session.finish(True)
+    assert photo(1) not in {path.read_bytes() for path in tmp_path.rglob("*.jpg")}
+
+
+@pytest.mark.parametrize("damage", ["lost", "first line"])
+def test_a_deleted_session_stays_deleted_and_is_erased_in_time(tmp_path: Path, damage: str) -> None:
+    store = begun_with(tmp_path, 1)
+    folder = store.delete(SESSION_ID).folder
+    log = folder / "log.jsonl"
+    if damage == "lost":
+        log.write_bytes(log.read_bytes().replace(b"SessionDeleted", b"Session\0eleted"))
+    else:
+        log.write_bytes(b"\0" + log.read_bytes()[1:])
+    store = reopened(store)
+    with pytest.raises(SessionGone):
+        store.get(SESSION_ID)
+    with pytest.raises(SessionGone):
+        store.begin(SESSION_ID, NEW)
+    store.close()
+    later = time.time() + RESTORABLE_S + 1
+    SessionStore(tmp_path, clock=lambda: later)
+    assert not list(tmp_path.rglob("*.jpg"))
+
+
+def test_an_mpi_that_the_log_does_not_know_is_no_metric_one(tmp_path: Path) -> None:
+    store = begun_with(tmp_path, 1)
+    session = store.get(SESSION_ID)
+    session.mark_ready(capture_id(1), empty_mpi(), generator="layered", guessed=True)
+    lose_line(session.folder / "log.jsonl", 2)
+    session = reopened(store).get(SESSION_ID)
+    assert session.capture(capture_id(1)).state == "queued"
+    again = session.mark_ready(capture_id(1), empty_mpi(), generator="layered")
+    assert again.mpi_version == 2  # its address never meant something else
 
 
 @pytest.mark.parametrize("how", ["garbled", "lost"])

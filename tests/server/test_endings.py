@@ -72,6 +72,46 @@ def test_what_is_undone_can_be_restored_until_the_session_is_finished(tmp_path: 
     assert photos_below(tmp_path) == {2}
 
 
+def test_an_undo_overrules_what_the_program_set_aside(tmp_path: Path) -> None:
+    session = SessionStore(tmp_path).begin(SESSION_ID, NEW)[0]
+    put(session, 1, 2)
+    session.set_aside(capture_id(1))
+    assert session.remove_capture(capture_id(1)).ending == "undone"
+    with pytest.raises(UnknownCapture):
+        session.shown_capture(capture_id(1))
+    assert session.set_aside(capture_id(1)).ending == "undone"
+    session.finish(True)
+    assert photos_below(tmp_path) == {2}
+
+
+def test_an_undo_after_the_end_is_final(tmp_path: Path) -> None:
+    store = SessionStore(tmp_path)
+    session = store.begin(SESSION_ID, NEW)[0]
+    put(session, 1, 2)
+    session.finish(True)
+    assert not session.remove_capture(capture_id(1)).restorable
+    assert photos_below(tmp_path) == {2}
+    assert not reopened(store).get(SESSION_ID).capture(capture_id(1)).restorable
+
+
+def test_an_mpi_that_was_made_meanwhile_is_made_again_for_what_comes_back(tmp_path: Path) -> None:
+    store = SessionStore(tmp_path)
+    session = store.begin(SESSION_ID, NEW)[0]
+    put(session, 1)
+    store.delete(SESSION_ID)
+    assert session.mark_ready(capture_id(1), b"mpi", generator="layered").problem is None
+    store.restore(SESSION_ID)
+    assert session.unfinished("layered") == [capture_id(1)]
+
+
+def test_a_photo_that_is_undone_while_it_is_read_is_given_to_nobody(tmp_path: Path) -> None:
+    session = SessionStore(tmp_path).begin(SESSION_ID, NEW)[0]
+    put(session, 1)
+    shown = session.shown_capture(capture_id(1))
+    session.remove_capture(capture_id(1))
+    assert not session.photo_path(shown).exists()
+
+
 def test_a_lost_line_brings_no_undone_photo_back(tmp_path: Path) -> None:
     store = SessionStore(tmp_path)
     session = store.begin(SESSION_ID, NEW)[0]
@@ -169,7 +209,7 @@ def test_an_erased_session_never_comes_back(tmp_path: Path, known: bool) -> None
     if session is not None:
         with pytest.raises(SessionGone, match="for good"):
             put(session, 2)
-        assert session.mark_ready(capture_id(1), b"mpi", generator="layered").state == "failed"
+        assert session.mark_ready(capture_id(1), b"mpi", generator="layered").state == "queued"
     store = reopened(store)
     for forbidden in (
         lambda: store.begin(SESSION_ID, NEW),
@@ -221,6 +261,77 @@ def test_an_erased_photo_leaves_nothing(tmp_path: Path) -> None:
         session.restore_capture(capture_id(1))
     assert session.store_capture(capture_id(1), parse_upload(upload(1)))[0].ending == "erased"
     assert photos_below(tmp_path) == {2}
+
+
+def nothing(*_: object, **__: object) -> None:
+    """Do nothing."""
+
+
+def test_what_cannot_be_deleted_is_told_and_nothing_is_served(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = SessionStore(tmp_path)
+    put(store.begin(SESSION_ID, NEW)[0], 1)
+    with monkeypatch.context() as patch:
+        patch.setattr("shutil.rmtree", nothing)
+        with pytest.raises(OutputError, match="delete it by hand"):
+            store.erase(SESSION_ID)
+        with pytest.raises(SessionGone, match="for good"):
+            store.get(SESSION_ID)
+        assert any("delete it by hand" in problem for problem in store.problems)
+    reopened(store)
+    assert photos_below(tmp_path) == set()
+
+
+def test_what_a_link_leads_to_is_not_served_as_it_could_not_be_erased(tmp_path: Path) -> None:
+    store = SessionStore(tmp_path / "sessions")
+    folder = store.begin(SESSION_ID, NEW)[0].folder
+    store.close()
+    elsewhere = folder.rename(tmp_path / folder.name)
+    folder.symlink_to(elsewhere)
+    again = SessionStore(tmp_path / "sessions")
+    assert again.sessions() == []
+    assert any("is a link" in problem for problem in again.problems)
+
+
+@pytest.mark.parametrize("named_as_before", [False, True])
+def test_erasing_one_session_leaves_all_others(tmp_path: Path, named_as_before: bool) -> None:
+    store = SessionStore(tmp_path)
+    session = store.begin(OTHER_ID, NEW)[0]
+    put(session, 1)
+    log = session.folder / "log.jsonl"
+    log.write_bytes(b"\0" + log.read_bytes()[1:])  # and with it, who it is
+    own = tmp_path / f"my_{SESSION_ID[:8]}"
+    own.mkdir()
+    (own / "a.jpg").write_bytes(photo(2))
+    if named_as_before:
+        (session.folder / ".id").unlink()
+        session.folder.rename(tmp_path / "holiday")
+    store = reopened(store)
+    store.erase(SESSION_ID)
+    assert photos_below(tmp_path) == {1, 2}
+    store = reopened(store)
+    if not named_as_before:
+        store.erase(OTHER_ID)
+        assert photos_below(tmp_path) == {2}
+
+
+def test_what_is_begun_badly_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = SessionStore(tmp_path)
+    with monkeypatch.context() as patch:
+
+        def fails(*_: object, **__: object) -> None:
+            raise OSError("the disk fails")
+
+        patch.setattr("peaking.server.sessions.OpenSession", fails)
+        with pytest.raises(OSError, match="the disk fails"):
+            store.begin(SESSION_ID, NEW)
+    put(store.begin(SESSION_ID, NEW)[0], 1)
+    store = reopened(store)
+    assert store.problems == []
+    assert len(store.get(SESSION_ID).captures) == 1
 
 
 # Whose folder it is

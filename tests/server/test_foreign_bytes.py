@@ -35,7 +35,7 @@ from peaking.datasets import open_recording
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.server import attempts, generation, thumbnails
 from peaking.server.app import ServerOptions, create_app
-from peaking.server.attempts import GaveUp, counted_attempt
+from peaking.server.attempts import Attempts, GaveUp
 from peaking.server.recordings import PlayedRecording
 from peaking.server.sessions import SessionStore
 from peaking.server.told import without_paths
@@ -235,9 +235,9 @@ def test_few_pictures_are_decoded_at_once(opened: Open, monkeypatch: pytest.Monk
 def die_in_attempt(marker: Path, photo_path: Path) -> None:
     code = (
         "import os, sys; from pathlib import Path; "
-        "from peaking.server.attempts import counted_attempt; "
+        "from peaking.server.attempts import Attempts; "
         "marker, photo = map(Path, sys.argv[1:])\n"
-        "with counted_attempt(marker, photo): os.kill(os.getpid(), 9)"
+        "with Attempts().counted(lambda: marker, photo): os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code, str(marker), str(photo_path)], check=False)
     assert done.returncode == -9
@@ -249,7 +249,10 @@ def test_what_killed_the_server_twice_is_given_up(tmp_path: Path) -> None:
     die_in_attempt(marker, path)
     die_in_attempt(marker, path)
     for _ in range(2):
-        with pytest.raises(GaveUp, match="not tried again"), counted_attempt(marker, path):
+        with (
+            pytest.raises(GaveUp, match="not tried again"),
+            Attempts().counted(lambda: marker, path),
+        ):
             raise AssertionError("it was tried")
 
 
@@ -259,18 +262,18 @@ def test_after_one_death_the_photo_is_looked_at_from_afar(
     marker, path = tmp_path / ".000001.begun", tmp_path / "a.jpg"
     path.write_bytes(PLAIN)
     marker.write_bytes(b"x")
-    with counted_attempt(marker, path):  # a power cut, say: the photo is innocent
+    with Attempts().counted(lambda: marker, path):  # a power cut, say: the photo is innocent
         pass
     assert not marker.exists()
     path.write_bytes(b"no picture")
     marker.write_bytes(b"x")
-    with pytest.raises(GaveUp), counted_attempt(marker, path):
+    with pytest.raises(GaveUp), Attempts().counted(lambda: marker, path):
         raise AssertionError("it was tried")
 
 
 def test_an_error_is_no_death(tmp_path: Path) -> None:
     marker = tmp_path / ".000001.begun"
-    with pytest.raises(KeyError), counted_attempt(marker, tmp_path / "a.jpg"):
+    with pytest.raises(KeyError), Attempts().counted(lambda: marker, tmp_path / "a.jpg"):
         raise KeyError
     assert not marker.exists()
 
@@ -305,6 +308,7 @@ def test_problems_name_files_and_not_where_they_lie() -> None:
         "1/2 and/or b of image/jpeg at https://host/b": "1/2 and/or b of image/jpeg at https://host/b",
         "~/.local/share/peaking/x.pth: is missing": "x.pth: is missing",
         "The photo is saved.": "The photo is saved.",
+        "no (reading /home/My Name/study/x.jpg: bad)": "no (reading x.jpg: bad)",
         "C:\\Users\\me\\x.jpg: is bad": "x.jpg: is bad",
     }.items():
         assert without_paths(text, root) == told

@@ -186,6 +186,6 @@ def check_that_it_opens(disk: FullDisk, server: LiveServer, numbers: list[int]) 
     (session,) = SessionStore(copy).sessions()
     assert [c.id for c in session.captures] == [capture_id(number) for number in numbers]
     for number in numbers:
-        assert session.photo_path(capture_id(number)).read_bytes() == photo(number)
+        assert session.photo_path(session.capture(capture_id(number))).read_bytes() == photo(number)
         assert session.frame_of(capture_id(number)).depth_m is not None
     assert session.unfinished("layered") == []

@@ -386,11 +386,14 @@ def test_a_participants_phone_reaches_that_participant_and_nothing_else(study: P
             ("GET", P01.replace("P01", "P02")), ("GET", "/api/v1/sessions"),
             ("GET", "/api/v1/events"), ("GET", "/api/v1/devices"),
             ("POST", "/api/v1/devices/codes"), ("DELETE", "/api/v1/devices/x"),
+            ("GET", "/api/v1/anything"), ("GET", "/api/v1/study/anything"),
         ]  # fmt: skip
         for method, path in forbidden:
             answer = client.request(method, path, headers=phone)
             assert (answer.status_code, path) == (403, path)
             assert answer.json()["type"] == "urn:peaking:problem:not-admitted"
+            answer = client.request(method, path + "%0A", headers=phone)
+            assert answer.status_code in (403, 404), path
         # The same phone, handed to the next participant, may still send what it kept of the first.
         phone = pair(client, code_for(client, console, "P02"), NEW)
         for path in (P01, P01.replace("P01", "P02")):

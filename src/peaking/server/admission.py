@@ -36,7 +36,7 @@ class Admission(Protocol):
         ...
 
     def to_end(self, session_id: str) -> None:
-        """Let a session be deleted, restored or erased as a whole.
+        """Let a session be deleted or restored as a whole, or anything of it be erased.
 
         Raises:
             NotAdmitted: It may not.

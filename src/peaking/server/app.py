@@ -54,7 +54,7 @@ from peaking.server.responses import (
     problem,
     while_it_lasts,
 )
-from peaking.server.selection import select_captures
+from peaking.server.selection import DamagedMpi, select_captures
 from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.thumbnails import thumbnail
@@ -128,7 +128,7 @@ class _Handlers:
             try:
                 if await run_in_threadpool(self.store.erase_expired):
                     self.hub.send(SERVER, await run_in_threadpool(self._list))
-            except OSError:  # a full disk: tried again
+            except (OSError, PeakingError):  # a full disk: tried again
                 _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
     def close(self) -> None:
@@ -218,9 +218,11 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        await run_in_threadpool(self.store.erase, session_id)
-        self.hub.end(session_id)
-        self.hub.send(SERVER, await run_in_threadpool(self._list))
+        try:
+            await run_in_threadpool(self.store.erase, session_id)
+        finally:
+            self.hub.end(session_id)
+            self.hub.send(SERVER, await run_in_threadpool(self._list))
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -235,6 +237,9 @@ class _Handlers:
                 chosen = await run_in_threadpool(
                     select_captures, session, query, self.config.options
                 )
+        except DamagedMpi as error:
+            await run_in_threadpool(self.queue.make_again, session, error.capture)
+            raise Busy(1) from error
         finally:
             place.give_back()
         return json_response(chosen)
@@ -287,16 +292,17 @@ class _Handlers:
         return json_response(capture, status=201 if created else 200)
 
     async def remove(self, request: Request) -> Response:
-        session = await self._session_to_change(request)
-        capture = await run_in_threadpool(session.remove_capture, id_in_path(request, "capture"))
-        self._tell_capture(session, capture)
-        await run_in_threadpool(session.refresh_dataset)
-        return json_response(capture)
+        return await self._end(request, wire.CaptureChange("undone"))
 
     async def change_capture(self, request: Request) -> Response:
+        return await self._end(request, await read_json(request, wire.CaptureChange))
+
+    async def _end(self, request: Request, change: wire.CaptureChange) -> Response:
+        """Undo, set aside, erase or restore a capture."""
         session = await self._session_to_change(request)
         capture_id = id_in_path(request, "capture")
-        change = await read_json(request, wire.CaptureChange)
+        if change.ending == "erased":
+            await run_in_threadpool(self.admission.to_end, session.id)
         match change.ending:
             case "undone":
                 do = session.remove_capture
@@ -306,8 +312,9 @@ class _Handlers:
                 do = session.erase_capture
             case None:
                 do = session.restore_capture
+        was_away = session.capture(capture_id).removed
         capture = await run_in_threadpool(do, capture_id)
-        if not capture.removed:
+        if was_away and not capture.removed:
             await run_in_threadpool(self._make_missing, session)
         self._tell_capture(session, capture)
         await run_in_threadpool(session.refresh_dataset)
@@ -318,14 +325,14 @@ class _Handlers:
         capture = session.shown_capture(id_in_path(request, "capture"))
         if capture.state != "ready":
             raise HTTPException(404, "There is no MPI of this capture yet.")
-        version = request.path_params.get("version", 1)
-        if not 1 <= version <= capture.mpi_version:
+        version = request.path_params.get("version", "1")
+        if version not in map(str, range(1, capture.mpi_version + 1)):
             raise HTTPException(404, "There is no such version of this MPI.")
-        data = await run_in_threadpool(session.mpi_bytes, capture.id, version)
+        data = await run_in_threadpool(session.mpi_bytes, capture.id, int(version))
         if data is None:
-            if await run_in_threadpool(session.mark_damaged, capture.id, version):
-                await run_in_threadpool(self.queue.put, session, capture.id)
-                self._tell_capture(session, session.capture(capture.id))
+            if capture.mpi_version > int(version):
+                raise HTTPException(404, "This version is gone. Ask for the newest.")
+            await run_in_threadpool(self.queue.make_again, session, capture)
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
         return Response(data, media_type="application/octet-stream", headers=LASTING)
 
@@ -479,7 +486,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(capture, server.remove, methods=["DELETE"]),
         Route(capture, server.change_capture, methods=["PATCH"]),
         Route(capture + "/mpi", server.mpi, methods=["GET"]),
-        Route(capture + "/mpi/{version:int}", server.mpi, methods=["GET"]),
+        Route(capture + "/mpi/{version}", server.mpi, methods=["GET"]),
         Route(capture + "/photo", server.photo, methods=["GET"]),
         Route(capture + "/thumbnail", server.thumbnail, methods=["GET"]),
     ]
@@ -516,7 +523,7 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
 
 def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
     """Return a photo; those that an earlier version stored with metadata lose it here."""
-    path = session.photo_path(capture.id)
+    path = session.photo_path(capture)
     if not path.is_file():
         raise HTTPException(404, "There is no such file.")
     data = read_bytes(path, within=session.folder)

@@ -8,7 +8,6 @@ import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
@@ -25,9 +24,13 @@ LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]", "::1"})
 API = "/api/"
 PAIR = "/api/v1/pair"
 CONSOLE = "/api/v1/study/console"
-PARTICIPANTS = "/api/v1/study/participants"
-FOR_OWNERS = ("/api/v1/devices", "/api/v1/sessions", "/api/v1/events")
-"""Not for participants' phones; below a session, they may ask for their own."""
+PARTICIPANTS = "/api/v1/study/participants/"
+SESSIONS = "/api/v1/sessions/"
+FOR_EVERYBODY = ("/api/v1/server", "/api/v1/openapi.json", "/api/v1/study/texts")
+"""Participants' phones may ask for these, for what is theirs, and for nothing else.
+
+Whose a session is, its handlers know.
+"""
 RENEWED = "Peaking-Credential"
 """Header of an answer: the credential that takes the place of the one that was sent."""
 KNOWN = "peaking.known"
@@ -91,13 +94,15 @@ class Guard:
         """Return what answers: the application, or a refusal; may add headers to the answer."""
         asked = Headers(scope=scope)
         host, path = asked.get("host", ""), scope["path"]
+        if not path.isprintable():  # routes would pass over a newline at its end
+            return problem(404, "There is nothing at this address.")
         if self.devices is None and _name(host) not in LOOPBACK_NAMES:
             return problem(403, "This server answers only requests to localhost.")
         if not path.startswith(API):
             return self.app
         origin = asked.get("origin")
         changes = scope["method"] not in ("GET", "HEAD", "OPTIONS")
-        foreign = changes and origin is not None and urlsplit(origin).netloc != host
+        foreign = changes and origin is not None and origin.partition("://")[2] != host
         if self.devices is not None and not (path == PAIR and scope["method"] == "POST"):
             shown = _credentials(scope, asked, self.devices)
             found = next(
@@ -218,14 +223,13 @@ def _refusal_of_role(device: Device, path: str) -> ASGIApp | None:
     if path.startswith(CONSOLE) and device.role != "console":
         sentence = "Only the experimenter's browser may use the console."
         return problem(403, sentence, kind="not-admitted")
-    if device.role != "participant":
+    if device.role != "participant" or path in FOR_EVERYBODY or path.startswith(SESSIONS):
         return None
-    theirs = path.removeprefix(f"{PARTICIPANTS}/").split("/")[0]
-    if path.startswith(f"{PARTICIPANTS}/") and theirs not in device.participants:
-        sentence = "This phone was paired for another participant. Scan this one's code."
-        return problem(403, sentence, kind="not-admitted")
-    if path in FOR_OWNERS or path.startswith("/api/v1/devices/"):
+    if not path.startswith(PARTICIPANTS):
         sentence = "A participant's phone may not see this."
+        return problem(403, sentence, kind="not-admitted")
+    if path.removeprefix(PARTICIPANTS).split("/")[0] not in device.participants:
+        sentence = "This phone was paired for another participant. Scan this one's code."
         return problem(403, sentence, kind="not-admitted")
     return None
 

@@ -8,18 +8,19 @@ import queue
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from peaking.depth.registry import create_estimator
-from peaking.errors import PeakingError
+from peaking.errors import MpiFileError, PeakingError, RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
 from peaking.server import wire
-from peaking.server.attempts import counted_attempt
+from peaking.server.attempts import Attempts
 from peaking.server.disk_full import DiskFull
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import FairRoom, Share
@@ -84,6 +85,7 @@ class GenerationQueue:
         self._better: FairQueue[Waiting] = FairQueue()
         self._short_of_room: queue.SimpleQueue[Waiting] = queue.SimpleQueue()
         self._disk_full = False
+        self._attempts = Attempts()
         self._warm = threading.Event()
         self._fast = replace(options, generator=FAST)
         self._estimator = None
@@ -132,12 +134,24 @@ class GenerationQueue:
         waiting = Waiting(session, capture_id, place)
         self._waiting.put(waiting, waiting.device, session.id)
 
+    def make_again(self, session: OpenSession, capture: wire.Capture) -> bool:
+        """Have the newest MPI of a capture made again, which is damaged; False when it is not it.
+
+        For a thread.
+        """
+        if not session.mark_damaged(capture.id, capture.mpi_version):
+            return False
+        self._on_done(session, session.capture(capture.id))
+        self.put(session, capture.id)
+        return True
+
     def close(self) -> None:
         """Let the threads finish what they do; what waits is done at the next start."""
         self._waiting.close()
         self._better.close()
         for thread in self._threads:
             thread.join(10)
+        self._attempts.forget()
 
     # At once
 
@@ -145,11 +159,7 @@ class GenerationQueue:
         builder = ViewBuilder(self._fast, estimator=self._estimator)
         encode(builder.generate(_small_frame()))
         self._warm.set()
-        while (item := self._next()) is not None:
-            try:
-                self._serve(builder, item)
-            except Exception:  # whatever it is, the next capture must be served
-                _log.exception("capture %s was not served to the end", item.capture_id)
+        _serve_all(self._next, lambda item: self._serve(builder, item))
 
     def _next(self) -> Waiting | None:
         """Wait for a capture; when none comes, take one that the disk had no room for."""
@@ -182,7 +192,7 @@ class GenerationQueue:
         if capture.removed or (capture.state == "ready" and not capture.guessed):
             return capture
         try:
-            with _attempt(session, capture, "first"):
+            with self._attempt(session, capture, "first"):
                 frame = session.frame_of(capture.id)
                 others = self._others(builder, session, capture, frame)
                 if capture.state == "ready":
@@ -201,6 +211,8 @@ class GenerationQueue:
             self._short_of_room.put(Waiting(session, capture.id))
             return session.mark_failed(capture.id, NO_ROOM)
         except PeakingError as error:
+            if capture.state == "ready":
+                return session.mark_not_better(capture.id, str(error))
             return session.mark_failed(capture.id, str(error))
         except Exception as error:  # whatever it is, the next capture must be served
             _log.exception("making the MPI of capture %s failed", capture.id)
@@ -218,23 +230,27 @@ class GenerationQueue:
     # Better ones, later
 
     def _improve(self, builder: ViewBuilder) -> None:
-        while (item := self._better.get()) is not None:
-            session, capture_id = item.session, item.capture_id
-            capture = session.capture(capture_id)
-            if capture.removed or capture.guessed or capture.generator == builder.options.generator:
-                continue
-            try:
-                with _attempt(session, capture, "better"):
-                    frame = session.frame_of(capture_id)
-                    made = builder.build(frame, self._others(builder, session, capture, frame))
-                if made.metric:
-                    self._on_done(session, _kept(session, capture, made))
-            except PeakingError as error:
-                self._on_done(session, session.mark_not_better(capture_id, str(error)))
-            except Exception as error:  # the first MPI stays, and the next capture must be served
-                _log.exception("making a better MPI of capture %s failed", capture_id)
-                problem = f"No better MPI was made ({cause_of(error)}). The server's log has more."
-                self._on_done(session, session.mark_not_better(capture_id, problem))
+        _serve_all(self._better.get, lambda item: self._improve_one(builder, item))
+
+    def _improve_one(self, builder: ViewBuilder, item: Waiting) -> None:
+        session, capture_id = item.session, item.capture_id
+        capture = session.capture(capture_id)
+        if capture.removed or capture.guessed or capture.generator == builder.options.generator:
+            return
+        try:
+            with self._attempt(session, capture, "better"):
+                frame = session.frame_of(capture_id)
+                made = builder.build(frame, self._others(builder, session, capture, frame))
+            if not made.metric:
+                return
+            after = _kept(session, capture, made)
+        except PeakingError as error:
+            after = session.mark_not_better(capture_id, str(error))
+        except Exception as error:  # the first MPI stays
+            _log.exception("making a better MPI of capture %s failed", capture_id)
+            problem = f"No better MPI was made ({cause_of(error)}). The server's log has more."
+            after = session.mark_not_better(capture_id, problem)
+        self._on_done(session, after)
 
     # Neighbours
 
@@ -250,21 +266,37 @@ class GenerationQueue:
             if other.id != capture.id and not other.removed and other.state == "ready"
         ]
         cameras = [camera_of_wire(other.camera) for other in around]
-        return [
-            CapturedView(
-                builder.prepare(session.frame_of(other.id)),
-                read_mpi(session.mpi_path(other.id, other.mpi_version)),
-                metric=not other.guessed,
-            )
-            for other in (around[number] for number in views_to_ask(cameras, frame.camera))
-        ]
+        views: list[CapturedView] = []
+        for other in (around[number] for number in views_to_ask(cameras, frame.camera)):
+            try:
+                mpi = read_mpi(session.mpi_path(other.id, other.mpi_version))
+                there = builder.prepare(session.frame_of(other.id))
+            except MpiFileError:
+                self.make_again(session, other)
+            except RecordingError:  # its photo is damaged
+                continue
+            else:
+                views.append(CapturedView(there, mpi, metric=not other.guessed))
+        return views
+
+    # Inside
+
+    def _attempt(
+        self, session: OpenSession, capture: wire.Capture, which: str
+    ) -> contextlib.AbstractContextManager[None]:
+        def marker() -> Path:
+            return session.folder / "mpi" / f".{capture.number:06d}.{which}.begun"
+
+        return self._attempts.counted(marker, session.photo_path(capture))
 
 
-def _attempt(
-    session: OpenSession, capture: wire.Capture, which: str
-) -> contextlib.AbstractContextManager[None]:
-    marker = session.folder / "mpi" / f".{capture.number:06d}.{which}.begun"
-    return counted_attempt(marker, session.photo_path(capture.id))
+def _serve_all(take: Callable[[], Waiting | None], serve: Callable[[Waiting], None]) -> None:
+    """Serve what waits, one after the other, until there will be nothing more."""
+    while (item := take()) is not None:
+        try:
+            serve(item)
+        except Exception:  # whatever it is, the next capture must be served
+            _log.exception("capture %s was not served to the end", item.capture_id)
 
 
 def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wire.Capture:

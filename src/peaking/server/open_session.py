@@ -32,7 +32,7 @@ from peaking.server.session_files import TRANSFORMS, SessionFiles, is_lost
 from peaking.server.session_log import SessionLog
 from peaking.server.session_state import FAST, SessionState, UnknownCapture
 from peaking.server.told import without_paths
-from peaking.server.upload import Upload, camera_of_wire
+from peaking.server.upload import BadUpload, Upload, camera_of_wire
 
 ERASED = "The session was erased, for good."
 DELETED = (
@@ -195,16 +195,16 @@ class OpenSession:
             points_m = read_points(self._files.path(capture, name), within=self.folder)
         return Frame(
             name=f"{capture.number:06d}",
-            rgb=read_picture(self.photo_path(capture_id), within=self.folder),
+            rgb=read_picture(self.photo_path(capture), within=self.folder),
             camera=camera_of_wire(capture.camera),
             depth_m=depth_m,
             timestamp_s=float(capture.time_s),
             points_m=points_m,
         )
 
-    def photo_path(self, capture_id: str) -> Path:
-        """Return where the photo lies."""
-        return self._files.photo(self.capture(capture_id))
+    def photo_path(self, capture: wire.Capture) -> Path:
+        """Return where the photo of a capture lies; it is not looked for where it was moved to."""
+        return self._files.photo(capture)
 
     def mpi_path(self, capture_id: str, version: int = 1) -> Path:
         """Return where a version of the MPI lies, or will."""
@@ -261,6 +261,7 @@ class OpenSession:
 
         Raises:
             SessionGone: The session is deleted.
+            BadUpload: It was taken back before, and more is not known of it.
             DiskFull: There is no room.
             OSError: The disk fails in another way.
         """
@@ -268,6 +269,8 @@ class OpenSession:
             self._refuse_gone()
             with contextlib.suppress(UnknownCapture):
                 return self.capture(capture_id), False
+            if capture_id in self._state.taken_ids:
+                raise BadUpload("This photo was taken back before.")
             number = self._state.number + 1
             header = upload.header
             stored = session_log.CaptureStored(
@@ -303,7 +306,9 @@ class OpenSession:
             return self.capture(capture_id), True
 
     def remove_capture(self, capture_id: str) -> wire.Capture:
-        """Undo a capture; again does nothing. It can be restored until the session is finished.
+        """Undo a capture, also one that is set aside; again does nothing.
+
+        It can be restored until the session is finished.
 
         Raises:
             SessionGone: The session is deleted.
@@ -371,15 +376,17 @@ class OpenSession:
     ) -> wire.Capture:
         """Keep an MPI of a capture; it is the newest from now on.
 
+        Of what is deleted meanwhile none is kept: it is made again when that is restored.
+
         Raises:
             DiskFull: There is no room for it.
         """
         with self._lock, room_explained():
-            gone = self._erased or self.deleted_s is not None
-            if gone or is_lost(self.capture(capture_id)):
-                return self.mark_failed(capture_id, ERASED if self._erased else DELETED)
-            version = self.capture(capture_id).mpi_version + 1
-            write_atomically(self._files.mpi(self.capture(capture_id), version), mpi)
+            capture = self.capture(capture_id)
+            if self._erased or self.deleted_s is not None or is_lost(capture):
+                return capture
+            version = capture.mpi_version + 1
+            write_atomically(self._files.mpi(capture, version), mpi)
             made = session_log.MpiMade(
                 at_s=self._clock(),
                 id=capture_id,
@@ -405,7 +412,7 @@ class OpenSession:
         return self._change(capture_id, problem=without_paths(problem, self.folder))
 
     def mark_failed(self, capture_id: str, problem: str) -> wire.Capture:
-        """Remember why there is no MPI of a capture; it is tried again after a restart."""
+        """Remember why there is no MPI of a capture; it is tried again when the server starts."""
         problem = without_paths(problem, self.folder)
         return self._change(capture_id, state="failed", problem=problem)
 
@@ -428,12 +435,15 @@ class OpenSession:
             self._note(session_log.SessionFinished(at_s=self._clock(), finished=finished))
             for capture in self.captures:
                 self._place(capture)
+            if finished:
+                self._files.drop_removed(self._state.longest_aside())
 
-    def delete(self) -> None:
-        """Note that the whole session is deleted; again does nothing."""
+    def delete(self, *, at_s: float | None = None) -> None:
+        """Note that the whole session is deleted, now or at a time; again does nothing."""
         with self._lock:
             if self.deleted_s is None:
-                self._note(session_log.SessionDeleted(at_s=self._clock()))
+                at_s = self._clock() if at_s is None else at_s
+                self._note(session_log.SessionDeleted(at_s=at_s))
 
     def restore(self) -> None:
         """Note that it is not deleted any more; again does nothing."""
@@ -523,7 +533,9 @@ class OpenSession:
     ) -> wire.Capture:
         with self._lock:
             self._refuse_gone()
-            if not self.capture(capture_id).removed:
+            capture = self.capture(capture_id)
+            undone = isinstance(event, session_log.CaptureRemoved)
+            if not capture.removed or (undone and capture.ending == "set_aside"):
                 self._note(event)
                 self._place(self.capture(capture_id))
             return self.capture(capture_id)

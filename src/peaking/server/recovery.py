@@ -53,5 +53,5 @@ def _stored(frame: Any, at_s: float) -> CaptureStored | None:
         if photo_name(number) != frame["file_path"]:
             return None
         return msgspec.json.decode(msgspec.json.encode(stored), type=CaptureStored)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError):
         return None

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from peaking.errors import MpiFileError, PeakingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.light_field import LightField, Scratch
@@ -25,6 +26,15 @@ MAX_MPIS = 48
 """MPIs that are in memory at once; at the paper's size they take 0.2 GB."""
 
 
+class DamagedMpi(PeakingError):
+    """The MPI of a capture cannot be read."""
+
+    def __init__(self, capture: wire.Capture) -> None:
+        """Keep which."""
+        super().__init__(f"The MPI of view {capture.number} is damaged.")
+        self.capture = capture
+
+
 def select_captures(
     session: OpenSession, query: wire.SelectionQuery, options: Options
 ) -> wire.Selection:
@@ -35,6 +45,7 @@ def select_captures(
     Raises:
         BadUpload: What the policy goes by is missing, or there are too few captures.
         RecordingError: A photo or its depth cannot be read.
+        DamagedMpi: An MPI cannot be read.
     """
     light_field = _CapturedViews(session, options)
     candidates = [
@@ -103,7 +114,10 @@ class _CapturedViews:
 
     def _mpi(self, number: int) -> Mpi:
         capture = self._session.capture(self._ids[number])
-        return read_mpi(self._session.mpi_path(capture.id, capture.mpi_version))
+        try:
+            return read_mpi(self._session.mpi_path(capture.id, capture.mpi_version))
+        except MpiFileError as error:
+            raise DamagedMpi(capture) from error
 
 
 @dataclass(frozen=True)

@@ -140,6 +140,7 @@ class Server(uvicorn.Server):
             log_level="warning",
             access_log=False,
             server_header=False,
+            proxy_headers=False,  # who is on this machine could name any address
             timeout_keep_alive=IDLE_S,
         )
         config.load()

@@ -50,7 +50,12 @@ class SessionFiles:
         return sum(size_bytes(self.path(capture, name)) for name in names)
 
     def place(self, capture: wire.Capture, names: Iterable[str]) -> None:
-        """Put the files of a capture where they belong; delete those that cannot be restored."""
+        """Put the files of a capture where they belong; delete those that cannot be restored.
+
+        Those of a capture that is not there and was never ended are left alone: they may come back.
+        """
+        if capture.removed and capture.ending is None:
+            return
         lost = is_lost(capture)
         for name in names:
             kept, aside = self.folder / name, self.folder / "removed" / name
@@ -64,6 +69,14 @@ class SessionFiles:
         if lost:
             for made in (self.folder / "mpi").glob(f"{capture.number:06d}.*"):
                 made.unlink(missing_ok=True)
+
+    def drop_removed(self, kept: Iterable[wire.Capture]) -> None:
+        """Delete what lies below `removed/`, except of these captures."""
+        numbers = {capture.number for capture in kept}
+        for name in KEPT:
+            for path in (self.folder / "removed" / name).iterdir():
+                if number_in(path) not in numbers:
+                    path.unlink()
 
     def mpi_bytes(self, capture: wire.Capture, version: int) -> bytes | None:
         """Return a version of an MPI; None where the file is gone or damaged."""
@@ -96,6 +109,12 @@ class SessionFiles:
 def is_lost(capture: wire.Capture) -> bool:
     """Return whether the files of a capture are deleted, and must not be made again."""
     return capture.removed and not capture.restorable
+
+
+def number_in(path: Path) -> int | None:
+    """Return the number of the capture that a file is of; None where its name says none."""
+    stem = path.name.split(".")[0]
+    return int(stem) if stem.isascii() and stem.isdigit() and len(stem) < 10 else None
 
 
 def size_bytes(path: Path) -> int:

@@ -15,6 +15,14 @@ from peaking.server.upload import camera_of_wire
 FAST: GeneratorName = "layered"
 """The generator whose MPIs are made at once; of one that a log does not name, too."""
 
+MAX_NUMBER = 999_999_999
+_ENDINGS = (
+    session_log.CaptureRemoved,
+    session_log.CaptureSetAside,
+    session_log.CaptureErased,
+    session_log.CaptureDropped,
+)
+
 
 class UnknownCapture(PeakingError):
     """There is no capture of this id in the session."""
@@ -33,6 +41,8 @@ class SessionState:
         deleted_s: When it was deleted, seconds since 1970; None while it is not.
         captures: By id, in the order they arrived, removed ones too.
         number: The highest that a capture was given; none is given twice.
+        taken_ids: Of captures that were undone, set aside or erased, and of which nothing else is
+            known, since a line of the log is lost.
     """
 
     def __init__(self, begun: session_log.SessionBegun) -> None:
@@ -43,6 +53,7 @@ class SessionState:
         self.deleted_s: float | None = None
         self.captures: Mapping[str, wire.Capture] = {}
         self.number = 0
+        self.taken_ids: set[str] = set()
         self._files: dict[str, list[str]] = {}
         self._set_aside: dict[str, None] = {}
 
@@ -77,7 +88,7 @@ class SessionState:
         return changed
 
     def check(self, event: session_log.AnyEvent) -> None:
-        """Check an event that comes from a disk.
+        """Check an event that comes from a disk, and note the ids of what is not known.
 
         Raises:
             ValueError: It cannot have happened.
@@ -90,8 +101,15 @@ class SessionState:
             camera_of_wire(event.camera)
             if event.id in self.captures:
                 raise ValueError(f"there are two captures of id {event.id}")
-            if event.number < 1 or event.number in (c.number for c in self.captures.values()):
+            if not 1 <= event.number <= MAX_NUMBER:
+                raise ValueError("no capture has such a number")
+            if event.number in (c.number for c in self.captures.values()):
                 raise ValueError(f"there are two captures of number {event.number}")
+        known = getattr(event, "id", None) in self.captures
+        if isinstance(event, _ENDINGS) and not known:
+            self.taken_ids.add(event.id)
+        elif isinstance(event, session_log.CaptureRestored) and not known:
+            self.taken_ids.discard(event.id)
 
     def apply(self, event: session_log.AnyEvent) -> None:
         """Let an event have happened.
@@ -113,7 +131,13 @@ class SessionState:
                 self._files[event.id] = [name_of(event.number) for name_of, there in sent if there]
                 self.captures = {**self.captures, event.id: capture}
             case session_log.CaptureRemoved():
-                self.change(event.id, removed=True, ending="undone", restorable=True)
+                before = self.capture(event.id)
+                self.change(
+                    event.id,
+                    removed=True,
+                    ending="undone",
+                    restorable=not self.finished and (before.restorable or not before.removed),
+                )
             case session_log.CaptureSetAside():
                 self.change(event.id, removed=True, ending="set_aside", restorable=True)
                 self._set_aside.pop(event.id, None)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import shutil
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import OutputError, PeakingError, RecordingError
+from peaking.errors import OutputError, PeakingError
 from peaking.output import flush, write_atomically
 from peaking.server import session_log, wire
 from peaking.server.dataset import transforms_json
-from peaking.server.disk_full import DiskFull, room_explained
+from peaking.server.disk_full import room_explained
 from peaking.server.open_session import OpenSession, SessionGone
 from peaking.server.session_files import FOLDERS, TRANSFORMS
 from peaking.server.session_log import SessionLog
-from peaking.server.store_folder import PRIVATE, StoreFolder
+from peaking.server.store_folder import ID_FILE, PRIVATE, StoreFolder, changed_s, ids_of
+from peaking.server.told import cause_of
 
 RESTORABLE_S = 30 * 24 * 3600.0
 """So long a deleted session can be restored; then it is erased."""
+
+_log = logging.getLogger("peaking.server")
 
 
 class UnknownSession(PeakingError):
@@ -44,16 +48,20 @@ class SessionStore:
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
         self._folder = StoreFolder(root, clock=clock)
+        self._deleted_ids: set[str] = set()
+        """Of deleted sessions that cannot be opened."""
         self.problems = self._folder.clean()
         for folder in self._folder.sessions():
-            if not (folder / session_log.FILE_NAME).is_file():
-                continue
-            try:
-                folder.chmod(PRIVATE)
-                self._take(OpenSession(folder, clock=clock))
-            except (RecordingError, OutputError, OSError) as error:
-                self.problems.append(str(error))
-        self.erase_expired()
+            if (folder / session_log.FILE_NAME).is_file():
+                self._open(folder)
+            elif (folder / "images").is_dir():
+                self.problems.append(
+                    f"{folder}: has no {session_log.FILE_NAME}; open it as a recording, or move it"
+                )
+        try:
+            self.erase_expired()
+        except (OSError, PeakingError) as error:
+            self.problems.append(f"{root}: what was deleted long ago could not be erased: {error}")
 
     def close(self) -> None:
         """Let another process have the folder."""
@@ -91,6 +99,8 @@ class SessionStore:
             return session
         if session_id in self._folder.erased_ids:
             raise SessionGone(final=True)
+        if session_id in self._deleted_ids:
+            raise SessionGone(final=False)
         raise UnknownSession("There is no such session on this server.")
 
     def begin(
@@ -131,13 +141,15 @@ class SessionStore:
                     for name in FOLDERS:
                         (hidden / name).mkdir(parents=True, exist_ok=True)
                     write_atomically(hidden / TRANSFORMS, transforms_json(()))
+                    (hidden / ID_FILE).write_text(session_id)
                     SessionLog(hidden / session_log.FILE_NAME).append(begun)
                     hidden.rename(folder)
-            except DiskFull:
+                    flush(self.root)
+                    session = OpenSession(folder, clock=self._clock)
+            except BaseException:
                 shutil.rmtree(hidden, ignore_errors=True)
+                shutil.rmtree(folder, ignore_errors=True)
                 raise
-            flush(self.root)
-            session = OpenSession(folder, clock=self._clock)
             self._sessions[session_id] = session
             return session, True
 
@@ -174,17 +186,27 @@ class SessionStore:
 
         Raises:
             OSError: It could not be noted; nothing was erased.
+            OutputError: It is noted, and something is left that cannot be deleted.
         """
         with self._lock:
-            self._folder.note_erased(session_id, at_s=self._clock())
+            self._folder.note_erased(session_id)
             session = self._sessions.pop(session_id, None)
             if session is not None:
                 session.close_for_ever()
-            for folder in self._folder.sessions_of([session_id]):
-                self._folder.delete(folder)
+            left = [
+                f for f in map(self._folder.delete, self._folder.sessions_of([session_id])) if f
+            ]
+        if left:
+            self.problems += map(StoreFolder.cannot_be_deleted, left)
+            raise OutputError(StoreFolder.cannot_be_deleted(left[0]))
 
     def erase_expired(self) -> list[str]:
-        """Erase the sessions that were deleted too long ago to be restored; return their ids."""
+        """Erase the sessions that were deleted too long ago to be restored; return their ids.
+
+        Raises:
+            OSError: As `erase`; what comes after is tried again.
+            OutputError: The same.
+        """
         oldest_s = self._clock() - RESTORABLE_S
         expired = [
             session.id
@@ -193,19 +215,38 @@ class SessionStore:
         ]
         for session_id in expired:
             self.erase(session_id)
+        for folder in self._folder.deleted.glob("[!.]*/"):
+            if not ids_of(folder) & self._sessions.keys() and changed_s(folder) < oldest_s:
+                self._folder.delete(folder)  # it cannot be opened
         return expired
 
     # Inside
 
-    def _take(self, session: OpenSession) -> None:
-        """Take a session that was opened, and finish what a crash interrupted."""
-        if session.id in self._sessions:
-            other = self._sessions[session.id].folder
+    def _open(self, folder: Path) -> None:
+        """Open a session, and finish what a crash interrupted."""
+        deleted = folder.parent == self._folder.deleted
+        try:
+            folder.chmod(PRIVATE)
+            session = OpenSession(folder, clock=self._clock)
+            if session.id in self._sessions:
+                other = self._sessions[session.id].folder.name
+                self.problems.append(
+                    f"{folder}: is the same session as {other}; move one of them away"
+                )
+                return
+            if deleted and session.problems:  # the line about it may be what is lost
+                session.delete(at_s=changed_s(folder))
+            where = self.root if session.deleted_s is None else self._folder.deleted
+            session.move(where / folder.name)
+        except Exception as error:  # whatever it is, the other sessions must be served
+            if not isinstance(error, PeakingError | OSError):
+                _log.exception("%s could not be opened", folder)
             self.problems.append(
-                f"{session.folder}: is the same session as {other.name}; move one of them away"
+                str(error)
+                if isinstance(error, PeakingError)
+                else f"{folder}: cannot be opened ({cause_of(error)}); its photos are untouched"
             )
+            self._deleted_ids |= ids_of(folder) if deleted else set()
             return
-        where = self.root if session.deleted_s is None else self._folder.deleted
-        session.move(where / session.folder.name)
         self._sessions[session.id] = session
         self.problems += session.problems

@@ -2,7 +2,7 @@
 
 In it lie the sessions (`2026-11-30_101500_5e551011`), and beside them `.deleted` with sessions that
 were deleted and can be restored, `.peaking/lock`, held by the process that serves the folder, and
-`.peaking/erased.jsonl`, the ids of erased sessions: they never come back.
+`.peaking/erased`, with an empty file for each session that was erased: it never comes back.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 import shutil
 import sys
 import time
@@ -20,23 +21,20 @@ from pathlib import Path
 import msgspec
 
 from peaking.errors import OutputError
-from peaking.event_log import EventLog
 from peaking.foreign_json import decode_json
 from peaking.output import flush
-from peaking.server import session_log
+from peaking.server import session_log, wire
 
 PRIVATE = 0o700
 """Mode of folders: photos are nobody else's."""
 OWN = ".peaking"
 DELETED = ".deleted"
 ERASED_SUFFIX = ".erased"
+ID_FILE = ".id"
+"""In a session's folder: its id once more, for when its log is damaged."""
 
-
-class Erased(msgspec.Struct, frozen=True):
-    """A session that was erased, written before anything is deleted."""
-
-    session: str
-    at_s: float
+_SHORT_NAME = re.compile(r"\d{4}-\d\d-\d\d_\d{6}_(?P<begin>.{8})")
+"""Of a session's folder: when it was begun, and how its id begins."""
 
 
 class Holder(msgspec.Struct, frozen=True):
@@ -64,7 +62,7 @@ class StoreFolder:
         try:
             if not root.is_dir():
                 root.mkdir(parents=True, mode=PRIVATE)
-            for folder in (root / OWN, root / DELETED):
+            for folder in (root / OWN, root / DELETED, root / OWN / "erased"):
                 folder.mkdir(exist_ok=True, mode=PRIVATE)
                 folder.chmod(PRIVATE)
             self._lock = os.open(root / OWN / "lock", os.O_RDWR | os.O_CREAT, 0o600)
@@ -76,9 +74,8 @@ class StoreFolder:
                 "may write to"
             ) from error
         self._take(now_s=clock())
-        self._tombstones: EventLog[Erased] = EventLog(root / OWN / "erased.jsonl", Erased)
-        self.problems: list[str] = []
-        self.erased_ids = self._read_tombstones()
+        self._tombstones = root / OWN / "erased"
+        self.erased_ids = {path.name for path in self._tombstones.iterdir()}
 
     def close(self) -> None:
         """Let another process have the folder."""
@@ -92,43 +89,58 @@ class StoreFolder:
     def sessions(self) -> list[Path]:
         """Return the folders of all sessions, deleted ones too, by name."""
         found = [*self.root.glob("[!.]*/"), *self.deleted.glob("[!.]*/")]
-        return sorted((path for path in found if path.is_dir()), key=lambda path: path.name)
+        real = (path for path in found if path.is_dir() and not path.is_symlink())
+        return sorted(real, key=lambda path: path.name)
 
     def sessions_of(self, ids: Collection[str]) -> list[Path]:
         """Return the folders of sessions of these ids, also of those that cannot be opened."""
-        endings = tuple(f"_{end}" for one in ids for end in (one, one[:8]))
+        beginnings = {one[:8] for one in ids}
         found: list[Path] = []
         for folder in self.sessions():
-            known = _id_in(folder / session_log.FILE_NAME)
-            if known in ids or (known is None and folder.name.endswith(endings)):
+            known = ids_of(folder)
+            name = _SHORT_NAME.fullmatch(folder.name)  # all that is left of very old ones
+            if known & set(ids) or (not known and name and name["begin"] in beginnings):
                 found.append(folder)
         return found
 
-    def note_erased(self, session_id: str, *, at_s: float) -> None:
+    def note_erased(self, session_id: str) -> None:
         """Write down that a session is erased; on the disk when this returns.
 
         Raises:
             OSError: It could not be written.
         """
         if session_id not in self.erased_ids:
-            self._tombstones.append(Erased(session_id, at_s))
+            (self._tombstones / session_id).touch()
+            flush(self._tombstones)
             self.erased_ids.add(session_id)
 
-    def delete(self, folder: Path) -> bool:
-        """Delete a session's folder with all that was made of it; return whether it is gone.
+    def delete(self, folder: Path) -> Path | None:
+        """Delete a session's folder with all that was made of it.
 
-        What is left of it, when the system refuses, is deleted at the next start.
+        Returns:
+            What is left of it when the system refuses; that is tried again at the next start.
         """
         hidden = self.root / f".{folder.name}{ERASED_SUFFIX}"
-        with contextlib.suppress(FileNotFoundError):
+        shutil.rmtree(hidden, ignore_errors=True)
+        try:
             folder.rename(hidden)
             flush(self.root)
+        except FileNotFoundError:
+            pass
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            return folder if folder.exists() else None
         shutil.rmtree(hidden, ignore_errors=True)
-        return not hidden.exists()
+        return hidden if hidden.exists() else None
+
+    @staticmethod
+    def cannot_be_deleted(folder: Path) -> str:
+        """Return the sentence about what is left of a session."""
+        return f"{folder}: is erased and cannot be deleted; delete it by hand"
 
     def clean(self) -> list[str]:
         """Finish what a crash interrupted; return a sentence for whatever cannot be deleted."""
-        problems = list(self.problems)
+        problems: list[str] = []
         for folder in self.sessions_of(self.erased_ids) if self.erased_ids else ():
             self.delete(folder)
         for place in (self.root, self.deleted):
@@ -137,9 +149,12 @@ class StoreFolder:
             for leftover in place.glob(f".*{ERASED_SUFFIX}"):
                 shutil.rmtree(leftover, ignore_errors=True)
                 if leftover.exists():
-                    problems.append(
-                        f"{leftover}: is erased and cannot be deleted; delete it by hand"
-                    )
+                    problems.append(self.cannot_be_deleted(leftover))
+        problems += (
+            f"{path}: is a link, and sessions must lie here to be erased; move the folder itself"
+            for path in self.root.glob("[!.]*/")
+            if path.is_symlink()
+        )
         return problems
 
     def _take(self, *, now_s: float) -> None:
@@ -159,17 +174,9 @@ class StoreFolder:
             ) from error
         command = "peaking " + (sys.argv[1] if sys.argv[1:] and sys.argv[1].isalpha() else "")
         holder = Holder(os.getpid(), command.strip(), now_s)
-        os.truncate(self._lock, 0)
-        os.pwrite(self._lock, msgspec.json.encode(holder), 0)
-
-    def _read_tombstones(self) -> set[str]:
-        try:
-            self._tombstones.mend()
-            events, damaged = self._tombstones.read_around_damage()
-        except FileNotFoundError:
-            return set()
-        self.problems += [f"{self._tombstones.path}: {line}" for line in damaged]
-        return {event.session for event in events}
+        with contextlib.suppress(OSError):  # on a full disk nobody is told who holds it
+            os.truncate(self._lock, 0)
+            os.pwrite(self._lock, msgspec.json.encode(holder), 0)
 
 
 class _Named(msgspec.Struct):
@@ -180,13 +187,26 @@ class _FirstLine(msgspec.Struct):
     session: _Named
 
 
-def _id_in(log: Path) -> str | None:
-    """Return the id in the first line of a session's log; None where it cannot be read."""
-    try:
-        with log.open("rb") as file:
-            return decode_json(file.readline(), _FirstLine).session.id
-    except (OSError, ValueError):
-        return None
+def ids_of(folder: Path) -> set[str]:
+    """Return what the session in a folder is called: one id, as a rule; none where it is damaged.
+
+    It is two where one of its files is damaged in a way that is not noticed.
+    """
+    found: set[str] = set()
+    with (
+        contextlib.suppress(OSError, ValueError),
+        (folder / session_log.FILE_NAME).open("rb") as file,
+    ):
+        found.add(decode_json(file.readline(), _FirstLine).session.id)
+    with contextlib.suppress(OSError, ValueError):
+        found.add(msgspec.convert((folder / ID_FILE).read_text(), wire.Id))
+    return found
+
+
+def changed_s(folder: Path) -> float:
+    """Return when a folder was last changed or moved, seconds since 1970."""
+    status = folder.stat()
+    return max(status.st_mtime, status.st_ctime)
 
 
 def _who(said: bytes) -> str:

@@ -18,10 +18,11 @@ def thumbnail(session: OpenSession, capture_id: str) -> bytes:
         UnknownCapture: The capture is not here, or was undone.
         RecordingError: Its photo cannot be read.
     """
+    capture = session.shown_capture(capture_id)
     kept = session.kept_thumbnail(capture_id)
     if kept is not None:
         return kept
-    rgb = read_picture(session.photo_path(capture_id), within=session.folder)
+    rgb = read_picture(session.photo_path(capture), within=session.folder)
     height, width = rgb.shape[:2]
     scale = min(THUMBNAIL_PX / max(height, width), 1.0)
     size = (max(round(width * scale), 1), max(round(height * scale), 1))

@@ -8,7 +8,10 @@ from pathlib import Path
 
 _PATH_FIRST = re.compile(r"(?:~|[A-Za-z]:)?[/\\].*?(?=: |\Z)", re.DOTALL)
 """An error begins with the path of a file, then ": ", as a rule."""
-_PATH = re.compile(r"(?<![\w.~/:<*-])~?(?:/[^\s/:;,'\"()]+)+/?")
+_PATH = re.compile(
+    r"(?<![\w.~/:<*-])~?(?:/[^\s/:;,'\"()][^/:;,'\"()\n]*(?=/))*(?:/[^\s/:;,'\"()]+)/?"
+)
+"""Names of folders may have spaces in them."""
 
 
 def without_paths(text: str, *folders: Path) -> str:

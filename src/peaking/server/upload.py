@@ -9,6 +9,7 @@ import numpy as np
 import simplejpeg
 from jaxtyping import Float32, UInt16
 
+from peaking.errors import PeakingError
 from peaking.foreign_json import decode_json
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.pictures.jpeg import check_jpeg, segments
@@ -27,7 +28,7 @@ MAX_DISTANCE_M = 1e5
 BYTES_OF_POINT = 12
 
 
-class BadUpload(Exception):
+class BadUpload(PeakingError):
     """An upload that cannot be used, now or later; the message is a sentence for the phone."""
 
     def __init__(self, problem: str, *, status: int = 422, kind: ProblemKind = "invalid") -> None:
@@ -151,7 +152,7 @@ def _checked_photo(photo: memoryview, pinhole: wire.Pinhole) -> bytes:
         told_height, told_width, _, _ = simplejpeg.decode_jpeg_header(bare)
     except TooCostly as error:
         raise BadUpload(f"The photo {error}; {error.remedy}.") from error
-    except ValueError as error:
+    except (ValueError, KeyError) as error:  # KeyError: simplejpeg does not know its colours
         raise BadUpload(f"The photo is not a readable JPEG ({error}).") from error
     if (width, height) != (told_width, told_height):
         raise BadUpload("The photo is not a readable JPEG (its size is not clear).")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +56,7 @@ CONSOLE_PERIOD_S = 0.1
 """The console is told at most so often, however many phones tell something."""
 
 T = TypeVar("T")
+_log = logging.getLogger("peaking.server")
 
 
 @dataclass(frozen=True)
@@ -317,10 +319,11 @@ def _refusals(folder: Path) -> dict[Any, Any]:
             case PeakingError():
                 return problem(500, without_paths(str(error), folder))
             case _:
+                _log.error("a request failed", exc_info=error)
                 sentence = f"Something went wrong on the server ({cause_of(error)})."
                 return problem(500, sentence)
 
-    return {PeakingError: refused, BadUpload: refused, HTTPException: refused, OSError: refused}
+    return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
 
 
 def _step(request: Request) -> str:
