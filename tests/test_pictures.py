@@ -38,7 +38,7 @@ from peaking.output import encode_png
 from peaking.pictures import decoding
 from peaking.pictures.decoding import decode_stored
 from peaking.pictures.jpeg import check_jpeg, segments
-from peaking.pictures.metadata import without_metadata
+from peaking.pictures.metadata import has_metadata, without_metadata
 
 # --- limits --------------------------------------------------------------------------------------
 
@@ -253,6 +253,7 @@ def test_a_jpeg_loses_what_it_tells_and_no_pixel(plain: bytes) -> None:
     np.testing.assert_array_equal(simplejpeg.decode_jpeg(bare), simplejpeg.decode_jpeg(plain))
     assert without_metadata(bare) == bare
     assert without_metadata(plain) == plain
+    assert [has_metadata(picture) for picture in (telling, bare, plain)] == [True, False, False]
     profile = segment(0xE2, b"ICC_PROFILE\0\x01\x01profile")
     assert bare.replace(profile, b"") == plain
 

@@ -9,13 +9,13 @@ import math
 import socket
 import ssl
 import threading
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from limited_server import connect, heard, limited_server
@@ -34,6 +34,7 @@ from peaking.server.http_connection import (
     MAX_WAITING_REQUESTS,
 )
 from peaking.server.requests import mark_paired
+from peaking.server.responses import event_stream
 from peaking.server.server_certificate import ServerCertificate
 
 FOR_EVER = math.inf
@@ -185,6 +186,34 @@ def test_an_answer_that_is_not_taken_is_given_up() -> None:
     assert held.ended == [("x", "answer")]
 
 
+@pytest.mark.parametrize("phase", ["head", "body", "answer", "idle"])
+def test_that_is_so_whatever_else_is_waited_for(phase: Phase) -> None:
+    """A request may be on its way behind the one that is answered."""
+    held = Held()
+    connection = held.came("x", phase=phase)
+    held.connections.pair(connection, None)
+    connection.body_waits = lambda: True
+    connection.unread_since_s = 0.0
+    for second in range(33):
+        connection.enter(phase, float(second))
+        held.connections.sweep(float(second))
+    assert set(held.ended) == {("x", phase)}
+
+
+def test_one_that_cannot_be_ended_keeps_no_other(caplog: pytest.LogCaptureFixture) -> None:
+    def fails(_: object) -> None:
+        raise ValueError("no")
+
+    held = Held()
+    held.connections.admit(Connection("b", fails, 0.0, "head"))
+    held.came("x")
+    held.connections.sweep(1000.0)
+    held.connections.sweep(1001.0)
+    assert held.ended == [("x", "head")]
+    assert held.connections.strangers == 0
+    assert "ended" in caplog.text
+
+
 @pytest.mark.parametrize("files", [64, 256, 1024, 20_000, 10_000_000])
 def test_connections_leave_room_for_files(files: int) -> None:
     limits = limits_of_files(files)
@@ -212,7 +241,7 @@ class Greeting:
         if request.headers.get("authorization") == "yes":
             mark_paired(scope)
         if request.url.path == "/stream":
-            await StreamingResponse(self._stream())(scope, receive, send)
+            await event_stream(request, self._stream())(scope, receive, send)
             return
         if request.url.path == "/early":
             await Response("no", 503)(scope, receive, send)
@@ -224,7 +253,7 @@ class Greeting:
             return
         await Response(b"got " + body)(scope, receive, send)
 
-    async def _stream(self) -> AsyncIterator[bytes]:
+    async def _stream(self) -> AsyncGenerator[bytes]:
         try:
             while True:
                 yield b"x" * 100_000
@@ -381,6 +410,52 @@ def test_a_stream_that_nobody_reads_ends() -> None:
         connection = connect(port, GREET.replace(b"/ ", b"/stream ", 1))
         assert app.given_up.wait(20)
         connection.close()
+
+
+STREAM = GREET.replace(b"/ ", b"/stream ", 1)
+
+
+def test_a_stream_ends_with_its_connection_although_requests_wait_behind_it() -> None:
+    app = Greeting()
+    with limited_server(app, PATIENT) as port:
+        connection = connect(port, STREAM + GREET * 2)
+        assert connection.recv(8) == b"HTTP/1.1"
+        connection.close()
+        assert app.given_up.wait(20)
+
+
+@pytest.mark.parametrize("after", [b"nonsense\r\n\r\n", GREET + b"nonsense\r\n\r\n", GREET * 50])
+def test_no_problem_is_said_within_another_answer(after: bytes) -> None:
+    app = Greeting()
+    with limited_server(app, PATIENT) as port:
+        connection = connect(port, STREAM)
+        assert connection.recv(8) == b"HTTP/1.1"
+        connection.sendall(after)
+        assert b"HTTP/1.1" not in heard(connection)
+        assert app.given_up.wait(20)
+
+
+@pytest.mark.parametrize("name", ["sweep", "admit", "make_room"])
+def test_whatever_goes_wrong_once_the_server_goes_on(
+    name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    real, failed = getattr(Connections, name), threading.Event()
+
+    def fails_once(self: Connections, *args: object) -> None:
+        if not failed.is_set():
+            failed.set()
+            raise ValueError("no")
+        real(self, *args)
+
+    monkeypatch.setattr(Connections, name, fails_once)
+    limits = replace(ConnectionLimits(), strangers=1, opening_s=0.1)
+    with limited_server(Greeting(), limits) as port:
+        for _ in range(3):
+            connect(port).close()
+        assert failed.wait(20)
+        assert greets(port)
+        assert heard(connect(port)) == b""  # limits of time hold
+    assert "ValueError" in capfd.readouterr().err
 
 
 def test_an_answer_before_the_end_of_the_body_is_heard() -> None:

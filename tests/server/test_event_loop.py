@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import threading
+import zlib
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
@@ -117,6 +118,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
         monkeypatch.setattr(threading, name, watch.of_lock(getattr(threading, name)))
     for name in FILE_CALLS:
         monkeypatch.setattr(os, name, watch.of_file(name, getattr(os, name)))
+    monkeypatch.setattr(zlib, "crc32", watch.of_file("crc32", zlib.crc32))
     monkeypatch.setattr(builtins, "open", watch.of_file("open", open))
     return watch
 

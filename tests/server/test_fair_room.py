@@ -112,6 +112,17 @@ def test_the_room_is_never_more_than_full(wanted: list[tuple[str, str, int]]) ->
     on_a_loop(work)
 
 
+def test_nothing_is_always_there() -> None:
+    async def work() -> None:
+        room = FairRoom(4)
+        taken_by(room, "a", lambda _: None)
+        taken_by(room, "b", lambda _: None)
+        room.take(0, "a", "s").give_back()
+        room.take(0, "c").give_back()
+
+    on_a_loop(work)
+
+
 def order(puts: list[tuple[str, str, str]]) -> str:
     waiting: FairQueue[str] = FairQueue()
     for item, device, session in puts:

@@ -10,12 +10,15 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from starlette.requests import Request
+from starlette.types import Message, Scope
 from test_app import SESSION, client_of
 
 from capture_uploads import new_session
 from live_server import LiveServer
 from peaking.server import events
 from peaking.server.events import Hub
+from peaking.server.responses import event_stream
 
 
 class News(msgspec.Struct, tag=True):
@@ -95,6 +98,38 @@ def test_nothing_is_kept_of_a_stream_that_has_ended() -> None:
 
     state = vars(asyncio.run(listen()))
     assert [name for name, held in state.items() if isinstance(held, dict) and held] == []
+
+
+def test_a_stream_that_is_cut_off_while_it_is_sent_is_closed() -> None:
+    """Before, it was when Python happened to collect it."""
+    closed: list[bool] = []
+
+    async def stream() -> AsyncGenerator[bytes]:
+        try:
+            while True:
+                yield b"news"
+        finally:
+            closed.append(True)
+
+    async def listen() -> None:
+        waits = asyncio.Event()
+
+        async def send(message: Message) -> None:
+            if message["type"] == "http.response.body":
+                waits.set()
+                await asyncio.Event().wait()
+
+        async def receive() -> Message:
+            await waits.wait()
+            return {"type": "http.disconnect"}
+
+        scope: Scope = {"type": "http", "method": "GET", "path": "/", "headers": []}
+        events = stream()
+        await event_stream(Request(scope), events)(scope, receive, send)
+        assert closed == [True]
+        await events.aclose()
+
+    asyncio.run(listen())
 
 
 @pytest.mark.parametrize("path", ["/api/v1/events", f"{SESSION}/events", f"{SESSION}/dataset.zip"])

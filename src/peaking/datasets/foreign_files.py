@@ -61,6 +61,20 @@ def opened(
         yield file
 
 
+def open_file(path: Path, *, within: Path) -> BinaryIO:
+    """Open a file to read what it holds now, whatever becomes of its name.
+
+    Args:
+        path: The file.
+        within: A folder; links that lead out of it are refused.
+
+    Raises:
+        RecordingError: It cannot be read, or links lead to it out of `within`.
+    """
+    with _opened(path, within) as descriptor:
+        return os.fdopen(os.dup(descriptor), "rb", buffering=0)
+
+
 @contextlib.contextmanager
 def real_path(path: Path, *, within: Path | None) -> Generator[str]:
     """Yield a name of the opened file, for what needs a name: no link can be put in its place.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -135,17 +136,39 @@ def is_current(path: Path) -> bool:
         return False
 
 
-def is_sound(data: bytes) -> bool:
-    """Return whether bytes are what an `.mpi` file's checksum promises, of this version."""
+def is_sound(parts: Iterable[bytes], size: int) -> bool:
+    """Return whether a file of `size` bytes, read in parts, is what its checksum promises.
+
+    Args:
+        parts: What it holds; the first of them has 16 bytes or more, if the file has.
+        size: How many bytes it has.
+    """
+    rest = iter(parts)
+    first = next(rest, b"")
     try:
-        _check_frame(data)
+        _header_end(first, size)
     except MpiFileError:
         return False
-    return True
+    found, checksum = len(first), zlib.crc32(memoryview(first)[_FIXED_BYTES:])
+    for part in rest:
+        found, checksum = found + len(part), zlib.crc32(part, checksum)
+    return found == size and checksum == _checksum_in(first)
 
 
 def _check_frame(data: bytes) -> int:
     """Check what surrounds the content; return where the header ends."""
+    end = _header_end(data, len(data))
+    if zlib.crc32(memoryview(data)[_FIXED_BYTES:]) != _checksum_in(data):
+        raise MpiFileError("damaged or broken off (the checksum differs); fetch or write it again")
+    return end
+
+
+def _checksum_in(data: bytes) -> int:
+    return int.from_bytes(data[12:16], "little")
+
+
+def _header_end(data: bytes, size: int) -> int:
+    """Return where the header ends of a file of `size` bytes that begins with `data`."""
     start = data[:8]
     if len(start) < 8 or start[:5] != _MAGIC[:5] or start[6:] != b"\r\n":
         raise MpiFileError("not an .mpi file (it does not begin with PKMPI)")
@@ -154,17 +177,15 @@ def _check_frame(data: bytes) -> int:
             f"format version {start[5]}, and this program reads version {VERSION}; "
             "use the program that wrote it, or write it again"
         )
-    if len(data) > MAX_MPI_BYTES:
-        raise MpiFileError(f"need at most {MAX_MPI_BYTES} bytes, got {len(data)}")
-    if len(data) < _FIXED_BYTES:
-        raise MpiFileError(f"broken off after {len(data)} bytes")
+    if size > MAX_MPI_BYTES:
+        raise MpiFileError(f"need at most {MAX_MPI_BYTES} bytes, got {size}")
+    if min(size, len(data)) < _FIXED_BYTES:
+        raise MpiFileError(f"broken off after {size} bytes")
     header_bytes = int.from_bytes(data[8:12], "little")
     if header_bytes > MAX_HEADER_BYTES:
         raise MpiFileError(f"need a header of at most {MAX_HEADER_BYTES} bytes, got {header_bytes}")
-    if _FIXED_BYTES + header_bytes > len(data):
-        raise MpiFileError(f"broken off inside the header, after {len(data)} bytes")
-    if zlib.crc32(memoryview(data)[_FIXED_BYTES:]) != int.from_bytes(data[12:16], "little"):
-        raise MpiFileError("damaged or broken off (the checksum differs); fetch or write it again")
+    if _FIXED_BYTES + header_bytes > size:
+        raise MpiFileError(f"broken off inside the header, after {size} bytes")
     return _FIXED_BYTES + header_bytes
 
 

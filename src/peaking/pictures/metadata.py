@@ -8,7 +8,7 @@ EXIF notes goes too: all that `peaking` reads and writes is about the pixels as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from peaking.pictures import jpeg, png, webp
 
@@ -40,19 +40,41 @@ def without_metadata(data: bytes) -> bytes:
 
 def jpeg_without_metadata(data: bytes | memoryview, segments: Iterable[jpeg.Segment]) -> bytes:
     """Return a JPEG, whose segments are known, with the same pixels and without metadata."""
-    view = memoryview(data)
-    parts: list[bytes | memoryview] = [jpeg.START]
+    return b"".join(part for _, part in _jpeg_parts(memoryview(data), segments))
+
+
+def has_metadata(data: bytes) -> bool:
+    """Return whether `without_metadata` changes anything; a JPEG is not copied for that.
+
+    Raises:
+        ValueError: As `without_metadata`.
+    """
+    if not data.startswith(jpeg.START):
+        return without_metadata(data) != data
+    end = 0
+    for start, part in _jpeg_parts(memoryview(data), jpeg.segments(data)):
+        if start != end or (isinstance(part, bytes) and not data.startswith(part, start)):
+            return True
+        end += len(part)
+    return end != len(data)
+
+
+def _jpeg_parts(
+    view: memoryview, segments: Iterable[jpeg.Segment]
+) -> Iterator[tuple[int, bytes | memoryview]]:
+    """Yield what is kept, and where it was."""
+    yield 0, jpeg.START
     for segment in segments:
+        start = segment.start
         body = bytes(view[segment.body : min(segment.end, segment.body + _KIND_BYTES)])
         if segment.marker in _JPEG_CODING:
-            parts.append(view[segment.start : segment.end])
+            yield start, view[start : segment.end]
         elif segment.marker == jpeg.APP0 and body.startswith(_JFIF) and len(body) >= _JFIF_BYTES:
-            parts.append(_jpeg_segment(jpeg.APP0, body[:_JFIF_BYTES] + b"\0\0"))
+            yield start, _jpeg_segment(jpeg.APP0, body[:_JFIF_BYTES] + b"\0\0")
         elif segment.marker == jpeg.APP14 and body.startswith(_ADOBE) and len(body) >= _ADOBE_BYTES:
-            parts.append(_jpeg_segment(jpeg.APP14, body[:_ADOBE_BYTES]))
+            yield start, _jpeg_segment(jpeg.APP14, body[:_ADOBE_BYTES])
         elif segment.marker == jpeg.APP2 and body.startswith(_ICC):
-            parts.append(view[segment.start : segment.end])
-    return b"".join(parts)
+            yield start, view[start : segment.end]
 
 
 def _jpeg_segment(marker: int, body: bytes) -> bytes:

@@ -9,25 +9,23 @@ import asyncio
 import contextlib
 import logging
 import mimetypes
-from collections.abc import AsyncGenerator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import msgspec
 from starlette.applications import Starlette
-from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import Route
 
 import peaking
-from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import PeakingError
 from peaking.limits import DECODINGS_AT_ONCE
 from peaking.options import DEFAULT, Options
-from peaking.pictures.metadata import without_metadata
 from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import KNOWN, Guard
@@ -38,6 +36,7 @@ from peaking.server.devices import Device, Devices
 from peaking.server.disk_full import DiskFull
 from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
+from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
 from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
 from peaking.server.openapi import document
@@ -52,19 +51,30 @@ from peaking.server.responses import (
     event_stream,
     json_response,
     problem,
-    while_it_lasts,
 )
 from peaking.server.selection import DamagedMpi, select_captures
 from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore, UnknownSession
-from peaking.server.thumbnails import thumbnail
+from peaking.server.shown_files import shown_photo, shown_thumbnail, sound_mpi
 from peaking.server.told import cause_of, without_paths
+from peaking.server.turns import Turns
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 
 ERASED_EVERY_S = 3600.0
+STORED_AT_ONCE = 4
+"""Threads that wait for a session's lock or a flush: whoever only reads has others."""
+
+MAX_FILES = 128
+"""Files that are being sent at once; one device alone may have half of them."""
+
+MAX_ZIPS = 16
+"""The same of data sets: each may have a photo in memory."""
+
 MAX_SELECTIONS = 8
 """Questions for a selection that may wait; one device alone may ask half of them."""
 
+P = ParamSpec("P")
+T = TypeVar("T")
 _log = logging.getLogger("peaking.server")
 
 
@@ -114,9 +124,12 @@ class _Handlers:
         self.admission = admission
         self.config = config
         self.hub = hub
-        self._selecting = asyncio.Lock()
-        self._decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
+        self._storing = Turns(STORED_AT_ONCE, name="store", session_by_session=True)
+        self._pictures = Turns(DECODINGS_AT_ONCE, name="picture")
+        self._selecting = Turns(1, name="select")  # it computes for seconds
         self._selections = FairRoom(MAX_SELECTIONS)
+        self._files = FairRoom(MAX_FILES)
+        self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made)
         store.when_erased(self._erased)
         for session in store.sessions():
@@ -134,6 +147,8 @@ class _Handlers:
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
         self.hub.close()
+        for turns in (self._storing, self._pictures, self._selecting):
+            turns.close()
         self.queue.close()
         self.store.close()
 
@@ -190,7 +205,7 @@ class _Handlers:
         self._refuse_others(request, session_id)
         new = await read_json(request, wire.NewSession)
         check_protocol(new.protocol, by="client")
-        session, created = await run_in_threadpool(self._begin, session_id, new)
+        session, created = await self._changing(request, session_id, self._begin, session_id, new)
         if created:
             self._tell_summary(session)
         state = await run_in_threadpool(self._state, session)
@@ -204,21 +219,21 @@ class _Handlers:
         else:
             await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
-            await run_in_threadpool(self.store.restore, session.id)
+            await self._changing(request, session.id, self.store.restore, session.id)
             await run_in_threadpool(self._make_missing, session)
         if change.name is not None:
-            await run_in_threadpool(session.rename, change.name)
+            await self._changing(request, session.id, session.rename, change.name)
         if change.finished is not None:
-            await run_in_threadpool(session.finish, change.finished)
+            await self._changing(request, session.id, session.finish, change.finished)
         if change.deleted is True:
-            await run_in_threadpool(self.store.delete, session.id)
+            await self._changing(request, session.id, self.store.delete, session.id)
         self._tell_summary(session)
         return json_response(self._summary(session))
 
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        await run_in_threadpool(self.store.erase, session_id)
+        await self._changing(request, session_id, self.store.erase, session_id)
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -229,10 +244,14 @@ class _Handlers:
             raise BadUpload(f"The question is wrong: {error}.", status=400) from error
         place = self._selections.take(1, device_of(request))
         try:
-            async with self._selecting:  # it computes for seconds; one after the other
-                chosen = await run_in_threadpool(
-                    select_captures, session, query, self.config.options
-                )
+            chosen = await self._selecting.do(
+                device_of(request),
+                session.id,
+                select_captures,
+                session,
+                query,
+                self.config.options,
+            )
         except DamagedMpi as error:
             await run_in_threadpool(self.queue.make_again, session, error.capture)
             raise Busy(1) from error
@@ -242,17 +261,12 @@ class _Handlers:
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
-        files = await run_in_threadpool(session.dataset_files)
+        files = await self._changing(request, session.id, session.dataset_files)
         headers = attachment(f"{session.folder.name}.zip")
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
-        return StreamingResponse(
-            iterate_in_threadpool(
-                zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
-            ),
-            media_type="application/zip",
-            headers=headers,
-        )
+        zipped = zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
+        return BoundedStream(zipped, room=self._zips, media_type="application/zip", headers=headers)
 
     async def peaked(self, request: Request) -> Response:
         session = self._session(request)
@@ -262,7 +276,7 @@ class _Handlers:
         session = await self._session_to_change(request)
         id_in_path(request, "batch")
         told = await read_json(request, wire.PeakedSamples)
-        await run_in_threadpool(session.add_peaked, told.samples)
+        await self._changing(request, session.id, session.add_peaked, told.samples)
         self._tell_summary(session)
         return Response(status_code=204)
 
@@ -276,7 +290,9 @@ class _Handlers:
         place = self.queue.reserve(device_of(request), session)
         try:
             body = await read_body(request, self.config.max_upload_bytes)
-            capture, created = await run_in_threadpool(self._keep, session, capture_id, body)
+            capture, created = await self._changing(
+                request, session.id, self._keep, session, capture_id, body
+            )
         except BaseException:
             place.give_back()
             raise
@@ -309,11 +325,11 @@ class _Handlers:
             case None:
                 do = session.restore_capture
         was_away = session.capture(capture_id).removed
-        capture = await run_in_threadpool(do, capture_id)
+        capture = await self._changing(request, session.id, do, capture_id)
         if was_away and not capture.removed:
             await run_in_threadpool(self._make_missing, session)
         self._tell_capture(session, capture)
-        await run_in_threadpool(session.refresh_dataset)
+        await self._changing(request, session.id, session.refresh_dataset)
         return json_response(capture)
 
     async def mpi(self, request: Request) -> Response:
@@ -324,28 +340,44 @@ class _Handlers:
         version = request.path_params.get("version", "1")
         if version not in map(str, range(1, capture.mpi_version + 1)):
             raise HTTPException(404, "There is no such version of this MPI.")
-        data = await run_in_threadpool(session.mpi_bytes, capture.id, int(version))
-        if data is None:
+        file = await run_in_threadpool(sound_mpi, session, capture.id, int(version))
+        if file is None:
             if capture.mpi_version > int(version):
                 raise HTTPException(404, "This version is gone. Ask for the newest.")
             await run_in_threadpool(self.queue.make_again, session, capture)
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
-        return Response(data, media_type="application/octet-stream", headers=LASTING)
+        return FileAnswer(
+            file, room=self._files, media_type="application/octet-stream", headers=LASTING
+        )
 
     async def photo(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        data = await run_in_threadpool(_photo, session, capture, self.config.keep_exif)
-        return while_it_lasts(request, data, media_type="image/jpeg")
+        picture = await self._pictures.do(
+            device_of(request), session.id, shown_photo, session, capture, self.config.keep_exif
+        )
+        return while_it_lasts(request, picture, room=self._files)
 
     async def thumbnail(self, request: Request) -> Response:
         session = self._session(request)
         capture = session.shown_capture(id_in_path(request, "capture"))
-        async with self._decoding:
-            data = await run_in_threadpool(thumbnail, session, capture.id)
-        return while_it_lasts(request, data, media_type="image/jpeg")
+        picture = await self._pictures.do(
+            device_of(request), session.id, shown_thumbnail, session, capture.id
+        )
+        return while_it_lasts(request, picture, room=self._files)
 
     # Inside
+
+    async def _changing(
+        self,
+        request: Request,
+        session_id: str,
+        change: Callable[P, T],
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> T:
+        """Do what waits for a session's lock, when it is the turn of the device that asks."""
+        return await self._storing.do(device_of(request), session_id, change, *args, **kwargs)
 
     def _keep(
         self, session: OpenSession, capture_id: str, body: bytearray
@@ -520,15 +552,3 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
         return problem(500, sentence)
 
     return {BadUpload: refused, HTTPException: refused, PeakingError: refused, Exception: refused}
-
-
-def _photo(session: OpenSession, capture: wire.Capture, keep_exif: bool) -> bytes:
-    """Return a photo; those that an earlier version stored with metadata lose it here."""
-    path = session.photo_path(capture)
-    if not path.is_file():
-        raise HTTPException(404, "There is no such file.")
-    data = read_bytes(path, within=session.folder)
-    try:
-        return data if keep_exif else without_metadata(data)
-    except ValueError as error:
-        raise HTTPException(500, f"The photo is damaged on the disk: {error}.") from error

@@ -7,6 +7,7 @@ there are. Nothing here reads or writes: `http_connection` does.
 
 from __future__ import annotations
 
+import logging
 import resource
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -18,6 +19,8 @@ FILES = 256
 MOST_FILES = 16_384
 MOST_CONNECTIONS = 4_096
 MOST_STRANGERS = 512
+
+_log = logging.getLogger("peaking.server")
 
 Phase = Literal["handshake", "head", "body", "answer", "idle", "closing"]
 """What a connection is waiting for: TLS, the end of a request's headers, the end of its body, the
@@ -133,7 +136,7 @@ class Connections:
     def make_room(self) -> None:
         """End a connection of a stranger."""
         if self.strangers:
-            self._end(_missed_least(self._of_strangers))
+            self._end_for_room(_missed_least(self._of_strangers))
 
     def pair(self, connection: Connection, device: str | None) -> None:
         """Remember that a connection is paired, from now on."""
@@ -145,7 +148,7 @@ class Connections:
         self._of_paired.setdefault(connection.holder, {})[connection] = None
         self.paired += 1
         if self.paired > self.limits.paired:
-            self._end(_missed_least(self._of_paired))
+            self._end_for_room(_missed_least(self._of_paired))
 
     def remove(self, connection: Connection) -> None:
         """Forget one that has ended; again does nothing."""
@@ -168,8 +171,13 @@ class Connections:
         for connection in self:
             if connection.phase == "body" and connection.body_waits():
                 connection.since_s += passed_s
-            if now_s > self._until_s(connection):
-                connection.end(connection.phase)
+            if now_s > min(self._until_s(connection), self._unread_until_s(connection)):
+                self._end(connection, connection.phase)
+
+    def _unread_until_s(self, connection: Connection) -> float:
+        """Return until when something must be taken of an answer, whatever else is waited for."""
+        since_s = connection.unread_since_s
+        return float("inf") if since_s is None else since_s + self.limits.unread_s
 
     def _until_s(self, connection: Connection) -> float:
         limits, since_s = self.limits, connection.since_s
@@ -187,12 +195,19 @@ class Connections:
             case "closing":
                 return since_s + limits.closing_s
             case "answer":
-                unread_s = connection.unread_since_s
-                return float("inf") if unread_s is None else unread_s + limits.unread_s
+                return float("inf")
 
-    def _end(self, connection: Connection) -> None:
+    def _end_for_room(self, connection: Connection) -> None:
         self.remove(connection)
-        connection.end(None)
+        self._end(connection, None)
+
+    def _end(self, connection: Connection, waited_for: Phase | None) -> None:
+        """End one; whatever that raises, the others have their limits."""
+        try:
+            connection.end(waited_for)
+        except Exception:
+            _log.exception("a connection could not be ended; it is forgotten")
+            self.remove(connection)
 
 
 def _missed_least(holders: dict[str, dict[Connection, None]]) -> Connection:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator
+from contextlib import closing
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import RecordingError
 from peaking.geometry import OPENCV_FROM_OPENGL
-from peaking.pictures.metadata import without_metadata
+from peaking.pictures.metadata import has_metadata, without_metadata
 from peaking.server import wire
+from peaking.server.file_answers import OpenFile
 
-CHUNK_BYTES = 1 << 20
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Zip files cannot say less; the same session always gives the same bytes."""
 
@@ -89,7 +90,7 @@ class _Outbox(io.RawIOBase):
 
 def zip_stream(
     files: Iterable[tuple[str, Path | bytes]], folder: Path, *, keep_exif: bool = False
-) -> Iterator[bytes]:
+) -> Generator[bytes]:
     """Yield a zip of files, stored as they are: photos do not get smaller.
 
     A file that vanished meanwhile (an undo) is left out, and so is one that a link leads to from
@@ -103,15 +104,36 @@ def zip_stream(
     outbox = _Outbox()
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, content in files:
+            strips = name.endswith(".jpg") and not keep_exif
+            parts = _parts(content, folder, strips=strips)
             try:
-                data = content if isinstance(content, bytes) else read_bytes(content, within=folder)
-                if name.endswith(".jpg") and not keep_exif:
-                    data = without_metadata(data)
+                first = next(parts, b"")
             except (RecordingError, ValueError):
                 continue
-            source = io.BytesIO(data)
             with archive.open(zipfile.ZipInfo(name, EPOCH), "w") as entry:
-                while chunk := source.read(CHUNK_BYTES):
-                    entry.write(chunk)
+                for part in chain([first], parts):
+                    entry.write(part)
                     yield outbox.taken()
     yield outbox.taken()
+
+
+def without_stored_metadata(file: OpenFile) -> bytes | None:
+    """Return a photo without the metadata that an earlier version stored; None if it has none.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    stored = file.read()
+    return without_metadata(stored) if has_metadata(stored) else None
+
+
+def _parts(content: Path | bytes, folder: Path, *, strips: bool) -> Iterator[bytes]:
+    if isinstance(content, bytes):
+        yield content
+        return
+    with closing(OpenFile(content, within=folder)) as file:
+        bare = without_stored_metadata(file) if strips else None
+        if bare is None:
+            yield from file.parts()
+        else:
+            yield bare

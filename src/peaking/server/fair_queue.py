@@ -5,9 +5,41 @@ from __future__ import annotations
 import queue
 import threading
 from collections import deque
+from collections.abc import Container
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+
+
+class Lines(Generic[T]):
+    """Who waits, in the order of their turns. For one thread at a time."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._lines: dict[str, dict[str, deque[T]]] = {}
+        """By device and session."""
+
+    def add(self, item: T, device: str, session: str) -> None:
+        """Let something wait behind what its session has waiting already."""
+        self._lines.setdefault(device, {}).setdefault(session, deque()).append(item)
+
+    def next(self, *, but: Container[str] = ()) -> tuple[T, str] | None:
+        """Take what has its turn, and return it with its session; None when nothing has.
+
+        Args:
+            but: Sessions that are passed over, and keep their turns.
+        """
+        for device, sessions in self._lines.items():
+            for session, line in sessions.items():
+                if session not in but:
+                    item = line.popleft()
+                    del sessions[session], self._lines[device]
+                    if line:
+                        sessions[session] = line
+                    if sessions:
+                        self._lines[device] = sessions
+                    return item, session
+        return None
 
 
 class FairQueue(Generic[T]):
@@ -23,8 +55,7 @@ class FairQueue(Generic[T]):
         self._wake: queue.SimpleQueue[None] = queue.SimpleQueue()
         """Something for each item that waits, in `_came` or `_lines`."""
         self._taking = threading.Lock()
-        self._lines: dict[str, dict[str, deque[T]]] = {}
-        """By device and session, in the order of their turns."""
+        self._lines: Lines[T] = Lines()
         self._closed = False
 
     @property
@@ -49,23 +80,11 @@ class FairQueue(Generic[T]):
             return None
         with self._taking:
             while self._came:
-                item, device, session = self._came.popleft()
-                self._lines.setdefault(device, {}).setdefault(session, deque()).append(item)
-            return self._next()
+                self._lines.add(*self._came.popleft())
+            found = self._lines.next()
+        return None if found is None else found[0]
 
     def close(self) -> None:
         """Let everybody who waits go; what is still in it stays."""
         self._closed = True
         self._wake.put(None)
-
-    def _next(self) -> T:
-        device, sessions = next(iter(self._lines.items()))
-        session, line = next(iter(sessions.items()))
-        item = line.popleft()
-        del sessions[session]
-        if line:
-            sessions[session] = line
-        del self._lines[device]
-        if sessions:
-            self._lines[device] = sessions
-        return item

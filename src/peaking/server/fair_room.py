@@ -42,13 +42,14 @@ class FairRoom:
         self._refused = 0
 
     def take(self, amount: int, device: str, session: str | None = None) -> Share:
-        """Take room, to be given back.
+        """Take room, to be given back; nothing is always there.
 
         Raises:
             Busy: The device, or the session among those of the device, has its share already.
         """
         left = self._capacity - self.taken - self._of_devices[device]
-        if amount > left or (session is not None and self._has_enough(device, session, left)):
+        enough = session is not None and self._has_enough(device, session, left)
+        if amount and (amount > left or enough):
             self._refused += 1
             raise Busy(1 + self._refused % SPREAD_S)
         share = Share(self, amount, device, session, asyncio.get_running_loop())

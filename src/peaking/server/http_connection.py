@@ -8,8 +8,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import httptools
+from uvicorn._types import ASGI3Application
 from uvicorn.config import Config
-from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
+from uvicorn.protocols.http.httptools_impl import (
+    STATUS_LINE,
+    HttpToolsProtocol,
+    RequestResponseCycle,
+)
 from uvicorn.server import ServerState
 
 from peaking.server.connections import Connection, Connections, Phase
@@ -65,6 +70,8 @@ class HttpConnection(HttpToolsProtocol):
         self._parsed_bytes = 0
         self._unfinished_bytes = 0
         self._refused: int | None = None
+        self._answered: RequestResponseCycle | None = None
+        """The request that is being answered or was last; those after it wait in `pipeline`."""
 
     # What asyncio tells
 
@@ -77,8 +84,9 @@ class HttpConnection(HttpToolsProtocol):
         self._connection.enter("head", self.loop.time())
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget it."""
+        """Forget it, and tell whoever answers, also where other requests wait behind that."""
         self._all.remove(self._connection)
+        self._give_up()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -166,6 +174,10 @@ class HttpConnection(HttpToolsProtocol):
 
     # Inside
 
+    def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
+        self._answered = cycle
+        super()._start_asgi_task(cycle, app)
+
     def _paired(self, device: str | None) -> None:
         self._all.pair(self._connection, device)
 
@@ -184,9 +196,9 @@ class HttpConnection(HttpToolsProtocol):
             self.transport.abort()
 
     def _refuse(self, status: int) -> None:
-        """Answer with a problem, unless an answer has begun, and hang up."""
-        cycle = self.cycle
-        if cycle is None or cycle.response_complete or not cycle.response_started:  # pyright: ignore[reportUnnecessaryComparison]
+        """Answer with a problem, unless another answer is on its way, and hang up."""
+        answered = self._answered
+        if answered is None or answered.response_complete or not answered.response_started:
             self.transport.write(_problem(status))
         self._give_up()
         self._close()
@@ -198,9 +210,9 @@ class HttpConnection(HttpToolsProtocol):
     def _give_up(self) -> None:
         """Tell whoever answers that nobody listens."""
         self.pipeline.clear()
-        if self.cycle is not None and not self.cycle.response_complete:  # pyright: ignore[reportUnnecessaryComparison]
-            self.cycle.disconnected = True
-            self.cycle.message_event.set()
+        if self._answered is not None and not self._answered.response_complete:
+            self._answered.disconnected = True
+            self._answered.message_event.set()
             self.flow.resume_writing()
 
 

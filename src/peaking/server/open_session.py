@@ -210,14 +210,6 @@ class OpenSession:
         """Return where a version of the MPI lies, or will."""
         return self._files.mpi(self.capture(capture_id), version)
 
-    def mpi_bytes(self, capture_id: str, version: int) -> bytes | None:
-        """Return a version of an MPI; None where the file is gone or damaged.
-
-        Raises:
-            UnknownCapture: The capture is not here, or was undone.
-        """
-        return self._files.mpi_bytes(self.shown_capture(capture_id), version)
-
     def kept_thumbnail(self, capture_id: str) -> bytes | None:
         """Return a capture's thumbnail; None where there is none yet, or it is damaged.
 

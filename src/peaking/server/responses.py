@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-import zlib
-from collections.abc import AsyncIterable, Mapping
+from collections.abc import AsyncGenerator, Mapping
 from http import HTTPStatus
 from typing import Literal
 from urllib.parse import quote
@@ -12,6 +12,7 @@ from urllib.parse import quote
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from peaking.server import wire
 from peaking.server.fair_room import Busy
@@ -89,27 +90,32 @@ def attachment(name: str) -> Mapping[str, str]:
     }
 
 
-def while_it_lasts(request: Request, data: bytes, *, media_type: str) -> Response:
-    """Return what may be taken back: browsers ask each time whether it is still there."""
-    tag = f'"{len(data):x}-{zlib.crc32(data):08x}"'
-    headers = {"Cache-Control": "private, no-cache", "ETag": tag}
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=headers)
-    return Response(data, media_type=media_type, headers=headers)
-
-
 def busy(error: Busy) -> Response:
     """Return a refusal of something that is only to be sent again later."""
     return problem(503, str(error), kind="busy", headers={"Retry-After": str(error.retry_after_s)})
 
 
-def event_stream(request: Request, events: AsyncIterable[bytes]) -> Response:
+def event_stream(request: Request, events: AsyncGenerator[bytes]) -> Response:
     """Return server-sent events, for as long as somebody reads; nothing where nobody will."""
     media_type = "text/event-stream"
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     if request.method == "HEAD":
         return Response(media_type=media_type, headers=headers)
-    return StreamingResponse(events, media_type=media_type, headers=headers)
+    return _EventStream(events, media_type=media_type, headers=headers)
+
+
+class _EventStream(StreamingResponse):
+    """Closes its events at the end, wherever it was cut off."""
+
+    def __init__(
+        self, events: AsyncGenerator[bytes], *, media_type: str, headers: Mapping[str, str]
+    ) -> None:
+        super().__init__(events, media_type=media_type, headers=headers)
+        self._events = events
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async with contextlib.aclosing(self._events):
+            await super().__call__(scope, receive, send)
 
 
 def _json(value: object, status: int, media_type: str, headers: Mapping[str, str]) -> Response:

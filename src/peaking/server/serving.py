@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import logging
 import socket
 import ssl
 import sys
@@ -18,6 +19,7 @@ from uvicorn.config import STARTUP_FAILURE
 
 from peaking.errors import OutputError
 from peaking.server.app import ServerOptions, create_app
+from peaking.server.bounded_answers import BoundedAnswers
 from peaking.server.connections import (
     Connection,
     ConnectionLimits,
@@ -38,7 +40,8 @@ ENDING_S = 2.0
 """Answers that are being given have so long when the server stops, and as long to be given up."""
 
 NO_FILES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-NO_FILES_PAUSE_S = 0.05
+ACCEPT_PAUSE_S = 0.05
+_log = logging.getLogger("peaking.server")
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -133,7 +136,7 @@ class Server(uvicorn.Server):
     ) -> None:
         """Take what is served; see `run`. By default the limits are those of this process."""
         config = uvicorn.Config(
-            app,
+            BoundedAnswers(app),
             http="httptools",
             ws="none",
             log_config=LOGGING,
@@ -184,18 +187,26 @@ class Server(uvicorn.Server):
         task.add_done_callback(self._running.discard)
 
     async def _accept(self, listener: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
+        """Take whoever comes; whatever goes wrong with one, the next one is taken."""
         while True:
             try:
-                accepted, address = await loop.sock_accept(listener)
-            except OSError as error:
-                if error.errno not in NO_FILES:
-                    continue  # it has gone again
-                self._connections.make_room()
-                await asyncio.sleep(NO_FILES_PAUSE_S)
-                continue
-            self._start(self._connect(accepted, str(address[0])))
-            await asyncio.sleep(0)  # those who are connected come first
+                pause_s = await self._accept_one(listener)
+            except Exception:
+                _log.exception("a connection was not taken")
+                pause_s = ACCEPT_PAUSE_S
+            await asyncio.sleep(pause_s)
+
+    async def _accept_one(self, listener: socket.socket) -> float:
+        """Take one, and return how long those who are connected go first."""
+        try:
+            accepted, address = await asyncio.get_running_loop().sock_accept(listener)
+        except OSError as error:
+            if error.errno not in NO_FILES:
+                return 0.0  # it has gone again
+            self._connections.make_room()
+            return ACCEPT_PAUSE_S
+        self._start(self._connect(accepted, str(address[0])))
+        return 0.0
 
     async def _connect(self, accepted: socket.socket, address: str) -> None:
         loop = asyncio.get_running_loop()
@@ -205,7 +216,6 @@ class Server(uvicorn.Server):
                 accepted.shutdown(socket.SHUT_RDWR)
 
         connection = Connection(address, end, loop.time())
-        self._connections.admit(connection)
 
         def protocol() -> HttpConnection:
             return HttpConnection(
@@ -217,14 +227,22 @@ class Server(uvicorn.Server):
             )
 
         try:
+            self._connections.admit(connection)
             await loop.connect_accepted_socket(protocol, accepted, ssl=self._context)
         except OSError:  # no TLS was agreed on, or the caller has gone
             self._connections.remove(connection)
+        except Exception:
+            self._connections.remove(connection)
+            accepted.close()
+            _log.exception("a connection was not taken")
 
     async def _sweep(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            self._connections.sweep(loop.time())
+            try:
+                self._connections.sweep(loop.time())
+            except Exception:  # whatever it is, the limits hold
+                _log.exception("the limits of connections were not looked after")
             await asyncio.sleep(SWEEP_S)
 
     async def _ended(self, *, within_s: float) -> None:

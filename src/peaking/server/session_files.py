@@ -14,7 +14,6 @@ from pathlib import Path
 
 from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import RecordingError
-from peaking.mpi_file import is_sound
 from peaking.output import write_atomically
 from peaking.server import wire
 from peaking.server.dataset import photo_name
@@ -77,14 +76,6 @@ class SessionFiles:
             for path in (self.folder / "removed" / name).iterdir():
                 if number_in(path) not in numbers:
                     path.unlink()
-
-    def mpi_bytes(self, capture: wire.Capture, version: int) -> bytes | None:
-        """Return a version of an MPI; None where the file is gone or damaged."""
-        try:
-            data = read_bytes(self.mpi(capture, version), within=self.folder)
-        except RecordingError:
-            return None
-        return data if is_sound(data) else None
 
     def thumbnail(self, capture: wire.Capture) -> bytes | None:
         """Return a capture's thumbnail; None where there is none yet, or it is damaged."""
