@@ -186,6 +186,12 @@ def test_places_that_may_not_be_written_to(
     assert left_in(tmp_path) == []
 
 
+def test_folders_are_for_their_owner_only(tmp_path: Path) -> None:
+    with complete_or_absent(tmp_path / "out") as folder:
+        (folder / "photo.jpg").write_bytes(b"a")
+    assert (tmp_path / "out").stat().st_mode & 0o077 == 0
+
+
 def test_a_file_is_replaced_in_one_step(tmp_path: Path) -> None:
     path = tmp_path / "made" / "a.json"
     write_atomically(path, b"old")

@@ -19,6 +19,8 @@ E = TypeVar("E", bound=msgspec.Struct)
 def append(path: Path, data: bytes, *, durably: bool) -> None:
     """Append to a file, which is made, readable by its owner only, when it is not there.
 
+    A last line that a crash left unfinished is cut off first.
+
     Args:
         path: The file.
         data: Bytes.
@@ -27,9 +29,9 @@ def append(path: Path, data: bytes, *, durably: bool) -> None:
     Raises:
         OSError: They could not be written; the file is as it was before.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
     try:
-        size = os.fstat(descriptor).st_size
+        size = _cut_torn_line(descriptor)
         try:
             rest = memoryview(data)
             while rest:
@@ -43,6 +45,16 @@ def append(path: Path, data: bytes, *, durably: bool) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def _cut_torn_line(descriptor: int) -> int:
+    """Cut off what stands after the last line; return the size, in bytes."""
+    size = os.fstat(descriptor).st_size
+    if size == 0 or os.pread(descriptor, 1, size - 1) == b"\n":
+        return size
+    whole = os.pread(descriptor, size, 0).rfind(b"\n") + 1
+    os.ftruncate(descriptor, whole)
+    return whole
 
 
 class DamagedLine(Exception):
@@ -92,10 +104,3 @@ class EventLog(Generic[E]):
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
                 damaged.append(DamagedLine(number, str(error)))
         return events, damaged
-
-    def mend(self) -> None:
-        """Cut off a last line that a crash left unfinished; to be called before appending."""
-        data = self.path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            os.truncate(self.path, whole)

@@ -36,7 +36,8 @@ _FORBIDDEN = (errno.EACCES, errno.EPERM, errno.EROFS)
 def complete_or_absent(out: Path) -> Generator[Path, None, None]:
     """Yield a hidden folder beside `out` that becomes `out` when the block ends well.
 
-    It is flushed to the disk and renamed in one step. When the block raises (a `KeyboardInterrupt`
+    Only its owner can look into it: what is written may be people's photos or answers. It is
+    flushed to the disk and renamed in one step. When the block raises (a `KeyboardInterrupt`
     too), it is removed, and so are parents of `out` that were made for it.
 
     Raises:
@@ -49,7 +50,7 @@ def complete_or_absent(out: Path) -> Generator[Path, None, None]:
     with _parents_made(target, out):
         try:
             with _explained(out, partial):
-                partial.mkdir()
+                partial.mkdir(mode=0o700)
             # What the block raises is only translated where it speaks of this folder.
             with _explained(out, partial, only_within=True):
                 yield partial
@@ -62,8 +63,11 @@ def complete_or_absent(out: Path) -> Generator[Path, None, None]:
             raise
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file, or replace it, in one step; parents are made.
+@contextlib.contextmanager
+def replaced(path: Path) -> Generator[Path, None, None]:
+    """Yield where to write a file that becomes `path` in one step; parents are made.
+
+    It does when the block ends well, and is removed when the block raises.
 
     Raises:
         OutputError: The path is a folder, cannot be written to, or the disk is full.
@@ -74,8 +78,10 @@ def write_atomically(path: Path, data: bytes) -> None:
     partial = _hidden_sibling(target)
     with _parents_made(target, path):
         try:
+            # What the block raises is only translated where it speaks of this file.
+            with _explained(path, partial, only_within=True):
+                yield partial
             with _explained(path, partial):
-                partial.write_bytes(data)
                 flush(partial)
                 partial.replace(target)
                 flush(target.parent)
@@ -83,6 +89,16 @@ def write_atomically(path: Path, data: bytes) -> None:
             with contextlib.suppress(OSError):  # a read-only disk refuses this too
                 partial.unlink(missing_ok=True)
             raise
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file, or replace it, in one step; parents are made.
+
+    Raises:
+        OutputError: The path is a folder, cannot be written to, or the disk is full.
+    """
+    with replaced(path) as partial, _explained(path, partial):
+        partial.write_bytes(data)
 
 
 def write_new(path: Path, data: bytes) -> None:

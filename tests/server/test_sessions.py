@@ -178,14 +178,16 @@ def test_the_zip_has_the_data_set(tmp_path: Path) -> None:
     assert open_recording(tmp_path / "out").read(0).depth_m is not None
 
 
-def test_a_torn_last_line_is_cut_off(tmp_path: Path) -> None:
+def test_a_torn_last_line_is_cut_off_before_the_next(tmp_path: Path) -> None:
     session = begun(tmp_path)
     store(session, 1)
     log = session.folder / "log.jsonl"
     whole = log.read_bytes()
     log.write_bytes(whole + b'{"type":"CaptureStored","at_s":17')
-    assert [c.id for c in reopened(tmp_path).captures] == [capture_id(1)]
-    assert log.read_bytes() == whole
+    session = reopened(tmp_path)
+    assert [c.id for c in session.captures] == [capture_id(1)]
+    session.rename("lamp")
+    assert log.read_bytes().startswith(whole + b'{"type":"SessionNamed"')
 
 
 def test_damage_at_the_beginning_is_said_and_touches_nothing(tmp_path: Path) -> None:

@@ -177,7 +177,6 @@ def test_appending_after_a_crash_keeps_what_was_acknowledged(tmp_path: Path) -> 
     with path.open("ab") as file:
         file.write(b'{"type":"NoteAd')
     log = log_of(tmp_path, "P01")
-    log.mend()
     log.append(*capture())
     (found,) = read_participants(tmp_path)
     assert found.trials[0].finished

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -350,6 +351,28 @@ def test_photos_go_after_the_review_when_they_may_not_be_kept(
     again = client.put(f"/api/v1/sessions/{SESSION}", json=begun)
     assert (again.status_code, again.json()["type"]) == (410, "urn:peaking:problem:erased")
     assert '"ImagesErased"' in log_of(study, "P01").path.read_text()
+
+
+def test_photos_that_cannot_be_erased_keep_nobody_from_going_on(
+    client: TestClient, study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    consent(client, images=False)
+    is_due(client, "t1.capture")
+    link(client, "t1.capture")
+    client.put(f"/api/v1/sessions/{SESSION}", json=BEGUN)
+    client.put(capture_of(SESSION), content=upload(1))
+    order(client, "finished", "t1.capture")
+
+    def refuse(*_: object, **__: object) -> None:
+        """Delete nothing."""
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", refuse)
+        do_phase(client, "t1.review")
+        assert client.get(f"/api/v1/sessions/{SESSION}").status_code == 410
+    assert hand_in(client, "t1.ask.sus", SUS).status_code == 200
+    with restarted(client, study):
+        assert photos_of(study) == set()
 
 
 def pair(client: TestClient, code: str, device: str | None = None) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 import zipfile
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from peaking.cli import main
+from peaking.study.privacy import erased
 from peaking.study.procedure import states_of, steps_of
 from peaking.study.protocol import FILE_NAME, load_protocol, trials_of
 from peaking.study.records import (
@@ -56,6 +58,8 @@ def study(tmp_path: Path) -> Path:
     (captured / "log.jsonl").write_text(f'{{"session":{{"id":"{SESSION}"}}}}\n')
     (captured / "images" / "000001.jpg").write_bytes(b"photo")
     (captured / "mpi" / "000001.mpi").write_bytes(b"cache")
+    (captured / "removed" / "images").mkdir(parents=True)
+    (captured / "removed" / "images" / "000002.jpg").write_bytes(b"undone")
     other = folder / "sessions" / "other"
     other.mkdir()
     (other / "log.jsonl").write_text('{"session":{"id":"somebody-else"}}\n')
@@ -161,8 +165,20 @@ def test_export_is_all_there_is_of_one_participant(study: Path, tmp_path: Path) 
         assert files.read("events.jsonl") == log_of(study, "P01").path.read_bytes()
         assert "t1,sus,q1,3" in files.read("answers.csv").decode()
         assert "t1,peaking,desk,tct_s,55.0" in files.read("measures.csv").decode()
+        assert "undid are not in it" in files.read("README.txt").decode()
     photos = [name for name in names if name.startswith("sessions/")]
     assert [Path(name).name for name in photos] == ["000001.jpg", "log.jsonl"]
+
+
+def test_an_export_that_is_refused_leaves_nothing(study: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "secret"
+    outside.write_text("secret")
+    (captured,) = (study / "sessions").glob("*_5e551011")
+    (captured / "images" / "000003.jpg").symlink_to(outside)
+    out = tmp_path / "out" / "P01.zip"
+    with pytest.raises(SystemExit):
+        main(["study", "export", str(study), "P01", "--out", str(out)])
+    assert not out.parent.exists()
 
 
 def test_erase_leaves_nothing_but_the_pseudonym(
@@ -177,6 +193,29 @@ def test_erase_leaves_nothing_but_the_pseudonym(
     assert b'"participant":"P01"' in (study / "erased.jsonl").read_bytes()
     capsys.readouterr()
     assert "there is no participant 'P01'" in refused(capsys, "erase", str(study), "P01", "--yes")
+
+
+def test_erase_after_a_power_cut_within_the_list_of_the_erased(study: Path) -> None:
+    (study / "erased.jsonl").write_bytes(b'{"participant":"P09","at_s":17')
+    main(["study", "erase", str(study), "P01", "--yes"])
+    assert not participant_folder(study, "P01").exists()
+    assert [path.name for path in (study / "sessions").glob("[!.]*")] == ["other"]
+    assert [entry.participant for entry in erased(study)] == ["P01"]
+
+
+def test_what_cannot_be_erased_is_said(
+    study: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        """Delete nothing, as a disk that is mounted read-only."""
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", refuse)
+        said = refused(capsys, "erase", str(study), "P01", "--yes")
+    assert "something is left" in said
+    main(["study", "erase", str(study), "P01", "--yes"])
+    assert not participant_folder(study, "P01").exists()
+    assert not any(path.read_bytes() == b"photo" for path in study.rglob("*.jpg"))
 
 
 def test_erase_asks_first(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,6 +106,7 @@ def test_simulate_then_analyse_from_the_command_line(
     main(["study", "simulate", "--participants", "8", "--seed", "2", "--out", str(study)])
     main(["study", "analyse", str(study), "--out", str(out)])
     assert "8 participants" in capsys.readouterr().out
+    assert not any(path.stat().st_mode & 0o077 for path in (out, *out.rglob("*")))
     written = {path.name for path in out.rglob("*") if path.is_file()}
     assert {"report.html", "results.txt", "results.csv", "long.csv", "wide.csv"} <= written
     assert {"boxes.svg", "boxes.png", "effects.svg", "likert-7.png", "likert-5.svg"} <= written

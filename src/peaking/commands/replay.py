@@ -78,6 +78,7 @@ class Replay:
         """Replay, and print where the report is."""
         from tqdm import tqdm
 
+        from peaking.commands.serving import keep_private
         from peaking.datasets import open_recording
         from peaking.output import write_atomically
         from peaking.replay.guided import GuideOptions
@@ -85,6 +86,7 @@ class Replay:
         from peaking.replay.video import find_h264_encoder
         from peaking.selection.registry import SelectionOptions
 
+        keep_private()
         if not self.no_video:
             find_h264_encoder()
         recording = open_recording(self.scene)

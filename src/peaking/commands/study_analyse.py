@@ -34,6 +34,7 @@ class Analyse:
         from importlib.metadata import version
 
         from peaking.commands.results import write_results
+        from peaking.commands.serving import keep_private
         from peaking.errors import ToolMissing
 
         try:
@@ -46,6 +47,7 @@ class Analyse:
             raise ToolMissing(
                 f"study analyse needs {package}: pip install 'peaking[study]'"
             ) from error
+        keep_private()
         analysis = analyse_folder(self.folder, self.out, version=version("peaking"))
         alpha = analysis.protocol.alpha
         declared = [m for m in analysis.measures if m.families and m.result is not None]

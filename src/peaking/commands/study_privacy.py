@@ -29,7 +29,7 @@ class Export:
     def run(self) -> None:
         """Write it."""
         from peaking.commands.serving import keep_private
-        from peaking.study.privacy import export_participant
+        from peaking.server.study.export import export_participant
 
         keep_private()
         export_participant(self.folder, self.participant, self.out)
@@ -56,7 +56,6 @@ class Erase:
     def run(self) -> None:
         """Ask, and delete."""
         from peaking.commands.serving import keep_private
-        from peaking.server.devices import Devices, has_devices
         from peaking.server.study.erasure import erase_participant
 
         keep_private()
@@ -68,7 +67,4 @@ class Erase:
                 say("Nothing was deleted.")
                 return
         erase_participant(self.folder, self.participant)
-        sessions = self.folder / "sessions"
-        if has_devices(sessions):
-            Devices(sessions).forget(self.participant)
         say(f"Erased {self.participant}.")

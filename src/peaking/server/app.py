@@ -131,6 +131,7 @@ class _Handlers:
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made)
+        store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
 
@@ -139,8 +140,7 @@ class _Handlers:
         while True:
             await asyncio.sleep(ERASED_EVERY_S)
             try:
-                if await run_in_threadpool(self.store.erase_expired):
-                    self.hub.send(SERVER, await run_in_threadpool(self._list))
+                await run_in_threadpool(self.store.erase_expired)
             except (OSError, PeakingError):  # a full disk: tried again
                 _log.warning("sessions deleted 30 days ago could not be erased", exc_info=True)
 
@@ -233,11 +233,7 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        try:
-            await self._changing(request, session_id, self.store.erase, session_id)
-        finally:
-            self.hub.end(session_id)
-            self.hub.send(SERVER, await run_in_threadpool(self._list))
+        await self._changing(request, session_id, self.store.erase, session_id)
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -257,7 +253,7 @@ class _Handlers:
                 self.config.options,
             )
         except DamagedMpi as error:
-            await run_in_threadpool(self.queue.make_again, session, error.capture)
+            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
             raise Busy(1) from error
         finally:
             place.give_back()
@@ -348,7 +344,7 @@ class _Handlers:
         if file is None:
             if capture.mpi_version > int(version):
                 raise HTTPException(404, "This version is gone. Ask for the newest.")
-            await run_in_threadpool(self.queue.make_again, session, capture)
+            await self._changing(request, session.id, self.queue.make_again, session, capture)
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
         return FileAnswer(
             file, room=self._files, media_type="application/octet-stream", headers=LASTING
@@ -396,6 +392,11 @@ class _Handlers:
         self._tell_capture(session, capture)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
+
+    def _erased(self, session_id: str) -> None:
+        """End the streams of a session that is erased: who listened asks again, and hears of it."""
+        self.hub.end(session_id)
+        self.hub.send(SERVER, self._list())
 
     def _make_missing(self, session: OpenSession) -> None:
         """Have the MPIs made that a session needs and has not."""

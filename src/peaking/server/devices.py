@@ -125,6 +125,7 @@ class Devices:
             OutputError: The file is damaged or cannot be written.
         """
         self._path = folder / ".peaking" / FILE_NAME
+        self._damaged = self._path.with_name(f"{FILE_NAME}.damaged")
         self._clock = clock
         self._draw = draw
         self._secret = None if fixed_secret is None else digest(fixed_secret)
@@ -247,6 +248,7 @@ class Devices:
 
     def forget(self, participant: str) -> None:
         """Let no phone do the part of a participant any more, and keep no trace of them."""
+        self._damaged.unlink(missing_ok=True)
         with self._changing() as file:
             for device in file.devices:
                 device.participants = [one for one in device.participants if one != participant]
@@ -338,7 +340,7 @@ class Devices:
                 f"{self._path}: is damaged and was set aside; all devices have to pair again"
             )
             with contextlib.suppress(FileNotFoundError):
-                self._path.replace(self._path.with_name(f"{FILE_NAME}.damaged"))
+                self._path.replace(self._damaged)
             return b""
         return data
 

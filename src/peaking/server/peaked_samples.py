@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,12 +20,8 @@ class PeakedSamples:
     """The samples of a session. Reading is for any thread, adding for one at a time."""
 
     def __init__(self, path: Path) -> None:
-        """Read them, and cut off a last one that a crash left unfinished.
-
-        `damaged` counts those that cannot be read.
-        """
+        """Read them; `damaged` counts those that cannot be read."""
         self.path = path
-        _drop_torn_line(path)
         samples, self.damaged = _read(path)
         self.last = samples[-1].peaked_share if samples else None
         self._times_s = {sample.time_s for sample in samples}
@@ -63,11 +58,3 @@ def _read(path: Path) -> tuple[list[wire.PeakedSample], int]:
         with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
             samples.append(msgspec.json.decode(line, type=wire.PeakedSample))
     return samples, len(lines) - len(samples)
-
-
-def _drop_torn_line(path: Path) -> None:
-    with contextlib.suppress(FileNotFoundError):
-        data = path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            os.truncate(path, whole)

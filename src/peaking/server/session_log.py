@@ -127,6 +127,26 @@ AnyEvent = (
 )
 
 
+class Named(msgspec.Struct):
+    """Which session a log is of, and whose; it is read from logs of any version."""
+
+    id: str
+    owner: str | None = None
+
+
+class _FirstLine(msgspec.Struct):
+    session: Named
+
+
+def named_in(log: Path) -> Named | None:
+    """Return which session a log is of; None where its first line cannot be read."""
+    try:
+        with log.open("rb") as file:
+            return msgspec.json.decode(file.readline(), type=_FirstLine).session
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
 class SessionLog:
     """Appends events to a file; every event is on the disk when `append` returns."""
 
@@ -144,10 +164,6 @@ class SessionLog:
         self._log.append(event)
 
     def read(self) -> tuple[list[AnyEvent], list[str]]:
-        """Return the events, and a sentence for each line that cannot be read.
-
-        A last line that a crash left unfinished is cut off.
-        """
-        self._log.mend()
+        """Return the events, and a sentence for each line that cannot be read."""
         events, damaged = self._log.read_around_damage()
         return events, [f"{self.path}: {line}; it was left out" for line in damaged]

@@ -47,6 +47,7 @@ class SessionStore:
         self._clock = clock
         self._lock = threading.Lock()
         self._sessions: dict[str, OpenSession] = {}
+        self._told_of_erasures: list[Callable[[str], None]] = []
         self._folder = StoreFolder(root, clock=clock)
         self._deleted_ids: set[str] = set()
         """Of deleted sessions that cannot be opened."""
@@ -181,6 +182,10 @@ class SessionStore:
             session.move(self.root / session.folder.name)
             return session
 
+    def when_erased(self, tell: Callable[[str], None]) -> None:
+        """Have `tell` called, in any thread, with the id of each session that is erased."""
+        self._told_of_erasures.append(tell)
+
     def erase(self, session_id: str) -> None:
         """Erase a session, with all that was made of it: for ever, also one that is not here yet.
 
@@ -193,11 +198,14 @@ class SessionStore:
             session = self._sessions.pop(session_id, None)
             if session is not None:
                 session.close_for_ever()
-            left = [
-                f for f in map(self._folder.delete, self._folder.sessions_of([session_id])) if f
-            ]
+            for folder in self._folder.sessions_of([session_id]):
+                self._folder.delete(folder)
+            left = self._folder.left_of(session_id)
+            said = map(StoreFolder.cannot_be_deleted, left)
+            self.problems += [problem for problem in said if problem not in self.problems]
+        for tell in self._told_of_erasures:
+            tell(session_id)
         if left:
-            self.problems += map(StoreFolder.cannot_be_deleted, left)
             raise OutputError(StoreFolder.cannot_be_deleted(left[0]))
 
     def erase_expired(self) -> list[str]:
@@ -205,7 +213,6 @@ class SessionStore:
 
         Raises:
             OSError: As `erase`; what comes after is tried again.
-            OutputError: The same.
         """
         oldest_s = self._clock() - RESTORABLE_S
         expired = [

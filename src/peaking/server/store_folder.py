@@ -113,11 +113,10 @@ class StoreFolder:
             flush(self._tombstones)
             self.erased_ids.add(session_id)
 
-    def delete(self, folder: Path) -> Path | None:
+    def delete(self, folder: Path) -> None:
         """Delete a session's folder with all that was made of it.
 
-        Returns:
-            What is left of it when the system refuses; that is tried again at the next start.
+        What is left of it, when the system refuses, is hidden, and deleted at the next start.
         """
         hidden = self.root / f".{folder.name}{ERASED_SUFFIX}"
         shutil.rmtree(hidden, ignore_errors=True)
@@ -128,9 +127,13 @@ class StoreFolder:
             pass
         except OSError:
             shutil.rmtree(folder, ignore_errors=True)
-            return folder if folder.exists() else None
         shutil.rmtree(hidden, ignore_errors=True)
-        return hidden if hidden.exists() else None
+
+    def left_of(self, session_id: str) -> list[Path]:
+        """Return what is left of a session that was erased, also of one that cannot be told."""
+        hidden = self.root.glob(f".*{ERASED_SUFFIX}")
+        left = (path for path in hidden if session_id in (ids_of(path) or {session_id}))
+        return [*self.sessions_of([session_id]), *left]
 
     @staticmethod
     def cannot_be_deleted(folder: Path) -> str:
@@ -178,25 +181,13 @@ class StoreFolder:
             os.pwrite(self._lock, msgspec.json.encode(holder), 0)
 
 
-class _Named(msgspec.Struct):
-    id: str
-
-
-class _FirstLine(msgspec.Struct):
-    session: _Named
-
-
 def ids_of(folder: Path) -> set[str]:
     """Return what the session in a folder is called: one id, as a rule; none where it is damaged.
 
     It is two where one of its files is damaged in a way that is not noticed.
     """
-    found: set[str] = set()
-    with (
-        contextlib.suppress(OSError, ValueError, RecursionError),
-        (folder / session_log.FILE_NAME).open("rb") as file,
-    ):
-        found.add(msgspec.json.decode(file.readline(), type=_FirstLine).session.id)
+    named = session_log.named_in(folder / session_log.FILE_NAME)
+    found = set[str]() if named is None else {named.id}
     with contextlib.suppress(OSError, ValueError):
         found.add(msgspec.convert((folder / ID_FILE).read_text(), wire.Id))
     return found

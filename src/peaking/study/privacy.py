@@ -1,48 +1,43 @@
-"""What a participant may ask for: a copy of all their data, and its erasure.
+"""Whose data is whose, who was erased, and which photos may not be kept.
 
-Erasing itself is done where the sessions are kept: `peaking.server.study.erasure`.
+Copying and erasing is done where the sessions are kept: `peaking.server.study`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
-import io
 import os
-import zipfile
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import cast
 
 import msgspec
 
-from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import StudyError
 from peaking.event_log import EventLog
-from peaking.output import write_atomically
-from peaking.reports.csv_table import csv_text
-from peaking.study.measures import measures_of
-from peaking.study.protocol import load_protocol
 from peaking.study.records import (
     AnyEvent,
-    ParticipantRecord,
+    ConsentGiven,
+    ConsentRefused,
+    DraftKept,
+    ImagesErased,
+    ParticipantExcluded,
+    PhoneEvent,
     SessionLinked,
+    StepFinished,
+    StepRepeated,
     log_of,
     pseudonyms,
-    read_events,
-    record_of,
+    step_of,
 )
 
 ERASED = "erased.jsonl"
 SERVING = ".serving"
-EXPLANATION = """All data that this study has stored about {participant}.
+KEPT_FOR_REVIEW_S = 24 * 3600.0
+"""So long after a participant's last step photos that may not be kept wait for their review."""
 
-events.jsonl     every event, one JSON line each: times, answers, positions of the phone
-answers.csv      the answers to the questionnaires
-measures.csv     the values computed from the events
-sessions/        what was captured: photos, depth, positions of the phone
-"""
+_BY_THE_PHONE = (PhoneEvent, DraftKept)
+"""What a page that was left open may tell for ever."""
 
 
 class ErasedParticipant(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -87,12 +82,20 @@ def erased_log(study: Path) -> EventLog[ErasedParticipant]:
     return EventLog(study / ERASED, ErasedParticipant)
 
 
+def read_erased(study: Path) -> tuple[list[ErasedParticipant], list[str]]:
+    """Return the erased participants, and a sentence for each line that cannot be read."""
+    log = erased_log(study)
+    try:
+        entries, damaged = log.read_around_damage()
+    except FileNotFoundError:
+        return [], []
+    remedy = "if a participant is there who was erased, erase them again: peaking study erase"
+    return entries, [f"{log.path}: {line}; {remedy}" for line in damaged]
+
+
 def erased(study: Path) -> list[ErasedParticipant]:
     """Return the erased participants; their pseudonyms are never assigned again."""
-    try:
-        return erased_log(study).read_around_damage()[0]
-    except FileNotFoundError:
-        return []
+    return read_erased(study)[0]
 
 
 def owners(logs: Mapping[str, Sequence[AnyEvent]]) -> dict[str, str]:
@@ -116,86 +119,49 @@ def readable_logs(study: Path) -> dict[str, Sequence[AnyEvent]]:
     return {name: log_of(study, name).read_around_damage()[0] for name in names}
 
 
-def export_participant(study: Path, participant: str, out: Path) -> None:
-    """Write all that is kept of a participant into a zip.
+def sessions_to_forget(
+    events: Sequence[AnyEvent], *, now_s: float, begun: Collection[str] = ()
+) -> list[str]:
+    """Return the capture sessions of a participant whose photos may not be kept (any longer).
 
-    Raises:
-        StudyError: There is no such participant, or the records are damaged.
-        RecordingError: A link leads out of a session's folder.
-        OutputError: The zip cannot be written.
+    Photos that may not be kept wait for the review of their trial: until it is over, the capture is
+    begun anew, consent is asked for again, the participant refuses or is excluded, or nothing
+    happens for `KEPT_FOR_REVIEW_S`.
+
+    Args:
+        events: Of the participant; damaged ones may be missing.
+        now_s: Seconds since 1970.
+        begun: Sessions that are theirs though no event may say so.
     """
-    record = _record(study, participant)
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as files:
-        files.writestr("README.txt", EXPLANATION.format(participant=participant))
-        files.write(log_of(study, participant).path, "events.jsonl")
-        files.writestr("answers.csv", _answers_csv(record))
-        files.writestr("measures.csv", _measures_csv(record, study))
-        for folder in session_folders(study, participant):
-            for path in sorted(folder.rglob("*")):
-                if path.is_file() and "mpi" not in path.relative_to(folder).parts:
-                    data = read_bytes(path, within=folder)
-                    files.writestr(f"sessions/{folder.name}/{path.relative_to(folder)}", data)
-    write_atomically(out, archive.getvalue())
+    if not refuses_images(events):
+        return []
+    happened_s = [e.at_s for e in events if step_of(e) and not isinstance(e, _BY_THE_PHONE)]
+    left = now_s - max(happened_s, default=0.0) > KEPT_FOR_REVIEW_S or any(
+        isinstance(e, ConsentRefused | ParticipantExcluded) for e in events
+    )
+    gone: set[str] = set()
+    waiting = dict.fromkeys(begun, "")
+    found = list(begun)
+    for event in events:
+        match event:
+            case SessionLinked():
+                found.append(event.session)
+                waiting[event.session] = event.step
+            case ImagesErased():
+                gone.add(event.session)
+            case StepFinished() if event.step.endswith(".review"):
+                trial = event.step.removesuffix("review")
+                waiting = {s: step for s, step in waiting.items() if not step.startswith(trial)}
+            case StepRepeated():
+                waiting = {
+                    s: step for s, step in waiting.items() if event.step not in ("consent", step)
+                }
+            case _:
+                pass
+    return [s for s in dict.fromkeys(found) if s not in gone and (left or s not in waiting)]
 
 
-def session_folders(study: Path, participant: str) -> list[Path]:
-    """Return the folders of the capture sessions of a participant, those still there."""
-    owner_of = owners(readable_logs(study))
-    found: list[Path] = []
-    for log in sorted((study / "sessions").glob("*/log.jsonl")):
-        with log.open("rb") as file, contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
-            begun = msgspec.json.decode(file.readline(), type=_Begun).session
-            if (begun.owner or owner_of.get(begun.id)) == participant:
-                found.append(log.parent)
-    return found
-
-
-class _NamedSession(msgspec.Struct):
-    id: str
-    owner: str | None = None
-
-
-class _Begun(msgspec.Struct):
-    """As much of a session's first line as is needed here."""
-
-    session: _NamedSession
-
-
-def _record(study: Path, participant: str) -> ParticipantRecord:
-    known = pseudonyms(study)
-    if participant not in known:
-        raise StudyError(
-            study,
-            f"there is no participant {participant!r}",
-            remedy=f"choose from: {', '.join(known) or 'none yet'}",
-        )
-    return record_of(read_events(log_of(study, participant)))
-
-
-def _answers_csv(record: ParticipantRecord) -> str:
-    places = [("", record.answers), *((t.trial.key, t.answers) for t in record.trials)]
-    rows = [
-        [trial, form, item, _plain(answer)]
-        for trial, forms in places
-        for form, answers in forms.items()
-        for item, answer in answers.items()
-    ]
-    return csv_text([["trial", "questionnaire", "item", "answer"], *rows])
-
-
-def _measures_csv(record: ParticipantRecord, study: Path) -> str:
-    protocol = load_protocol(study)
-    rows = [
-        [t.trial.key, t.trial.condition, t.trial.scene, name, value]
-        for t in record.trials
-        for name, value in measures_of(t, protocol).items()
-    ]
-    return csv_text([["trial", "condition", "scene", "measure", "value"], *rows])
-
-
-def _plain(value: object) -> object:
-    """Return a cell: a choice of several is one text."""
-    if isinstance(value, list):
-        return "; ".join(str(one) for one in cast("list[object]", value))
-    return value
+def refuses_images(events: Sequence[AnyEvent]) -> bool:
+    """Return whether the participant's last answer does not let photos be kept."""
+    answers = [e for e in events if isinstance(e, ConsentGiven | ConsentRefused)]
+    return bool(answers) and not (isinstance(answers[-1], ConsentGiven) and answers[-1].images)

@@ -220,6 +220,19 @@ export class CaptureDb {
     return [...onDisk.filter(({ id }) => !this.#sessions.has(id)), ...this.#sessions.values()];
   }
 
+  /** Of all sessions of which this device holds anything. */
+  async sessionIds(): Promise<readonly string[]> {
+    const ids = new Set<string>();
+    for (const { id } of await this.sessions()) ids.add(id);
+    for (const { sessionId } of await this.captures()) ids.add(sessionId);
+    await this.#read(async (disk) => {
+      const index = disk.transaction('mpis').store.index('sessionId');
+      let cursor = await index.openKeyCursor(null, 'nextunique');
+      for (; cursor !== null; cursor = await cursor.continue()) ids.add(cursor.key);
+    });
+    return [...ids];
+  }
+
   async putSession(session: StoredSession): Promise<void> {
     try {
       if (this.disk === null) throw new Error(NONE);

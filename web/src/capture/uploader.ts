@@ -3,14 +3,15 @@
  * has said that it has them. Only one tab of the browser works at a time (a Web Lock).
  */
 
-import { ApiError, type Api } from '../server/api';
+import { ApiError, isRefusal, type Api } from '../server/api';
 import { backoff_ms, browserPacing, type Pacing } from '../server/pacing';
 import { PROTOCOL, type Capture } from '../wire';
 import type { CaptureDb, StoredCapture, StoredSession } from './capture_db';
+import { forgetErased } from './erased_sessions';
 import { uploadBody } from './upload_body';
 
 export type UploaderApi =
-  Pick<Api, 'beginSession' | 'uploadCapture' | 'removeCapture' | 'changeSession'>;
+  Pick<Api, 'beginSession' | 'session' | 'uploadCapture' | 'removeCapture' | 'changeSession'>;
 
 export interface UploaderListener {
   /** Something in the database changed. */
@@ -34,11 +35,14 @@ export interface UploaderOptions {
   readonly network?: EventTarget | null;
 }
 
+/** What ends a rest early. */
+type EndsBy = 'anything' | 'online' | 'time';
+
 /** What became of one piece of work. */
 type Outcome =
   | { readonly kind: 'nothing' }
   | { readonly kind: 'done' }
-  | { readonly kind: 'again'; readonly wait_ms: number; readonly onlineEnds: boolean };
+  | { readonly kind: 'again'; readonly wait_ms: number; readonly endsBy: EndsBy };
 
 const NOTHING: Outcome = { kind: 'nothing' };
 const DONE: Outcome = { kind: 'done' };
@@ -52,13 +56,15 @@ export class Uploader {
   readonly #network: EventTarget | null;
   readonly #end = new AbortController();
   #rest = new AbortController();
-  #restEndsBy: 'anything' | 'online' | 'time' = 'anything';
+  #restEndsBy: EndsBy = 'anything';
   #woken = false;
   #failures = 0;
   /** Captures at which the server itself failed (5xx) go behind the others. */
   readonly #serverFailed = new Map<string, number>();
   /** Sessions that were begun again since the server did not know them. */
   readonly #begunAgain = new Set<string>();
+  /** Other sessions that this device holds, until the server has said that it did not erase them. */
+  #unasked: readonly string[] | null = null;
 
   constructor(
     readonly api: UploaderApi, readonly db: CaptureDb, readonly currentSessionId: string,
@@ -80,7 +86,7 @@ export class Uploader {
         switch (outcome.kind) {
           case 'nothing': await this.#restFor(null, 'anything'); break;
           case 'again':
-            await this.#restFor(outcome.wait_ms, outcome.onlineEnds ? 'online' : 'time');
+            await this.#restFor(outcome.wait_ms, outcome.endsBy);
             break;
           case 'done': break;
           default: outcome satisfies never;
@@ -116,9 +122,7 @@ export class Uploader {
     }
   }
 
-  async #restFor(
-    wait_ms: number | null, endsBy: 'anything' | 'online' | 'time',
-  ): Promise<void> {
+  async #restFor(wait_ms: number | null, endsBy: EndsBy): Promise<void> {
     if (endsBy === 'anything' && this.#woken) {
       this.#woken = false;
       return;
@@ -136,6 +140,7 @@ export class Uploader {
   /** The next piece of work, if any. Undoing is quick, so it goes first. */
   async #step(): Promise<Outcome> {
     if (this.#end.signal.aborted) return DONE;
+    if (this.#unasked === null) return this.#askFirst();
     const captures = await this.db.captures();
     const removing = captures.find(({ state }) => state === 'removing');
     const waiting = this.#next(captures);
@@ -149,7 +154,7 @@ export class Uploader {
       else if (waiting !== null) await this.#upload(waiting);
       else {
         const changed = sessions.find(({ begun, pending }) => begun && pending !== null);
-        if (changed === undefined) return NOTHING;
+        if (changed === undefined) return await this.#askAgain();
         await this.#tell(changed);
       }
     } catch (error) {
@@ -161,6 +166,31 @@ export class Uploader {
     this.#failures = 0;
     this.listener.onTrouble(null);
     return DONE;
+  }
+
+  /** Whether the server erased what this device holds of other sessions. */
+  async #askFirst(): Promise<Outcome> {
+    const held = await this.db.sessionIds();
+    try {
+      await this.#ask(held.filter((id) => id !== this.currentSessionId));
+      return DONE;
+    } catch (error) {
+      return this.#fault(error);
+    } finally {
+      this.listener.onLocalChange();
+    }
+  }
+
+  /** There is nothing to send: ask about those sessions that could not be asked about before. */
+  async #askAgain(): Promise<Outcome> {
+    const unasked = await this.#ask(this.#unasked ?? []);
+    return unasked.length === 0 ? NOTHING : this.#retry(0, 'anything');
+  }
+
+  async #ask(sessionIds: readonly string[]): Promise<readonly string[]> {
+    this.#unasked = sessionIds;
+    this.#unasked = await forgetErased(this.api, this.db, sessionIds, (id) => this.listener.onErased(id));
+    return this.#unasked;
   }
 
   #next(captures: readonly StoredCapture[]): StoredCapture | null {
@@ -257,12 +287,12 @@ export class Uploader {
     }
     this.listener.onTrouble(error.problem);
     switch (error.status) {
-      case 401: return this.#retry(SLOW_MS, true);
-      case 507: return this.#retry(SLOW_MS, false);
-      case 0: return this.#retry(0, true);
+      case 401: return this.#retry(SLOW_MS, 'online');
+      case 507: return this.#retry(SLOW_MS, 'time');
+      case 0: return this.#retry(0, 'online');
       default:
         if (capture !== null && error.status !== 503) this.#sendLater(capture.id);
-        return this.#retry((error.retryAfter_s ?? 0) * 1000, false);
+        return this.#retry((error.retryAfter_s ?? 0) * 1000, 'time');
     }
   }
 
@@ -280,29 +310,24 @@ export class Uploader {
     }
     if (captures.some(({ state }) => state === 'removing' || state === 'waiting')) return DONE;
     this.listener.onTrouble(error.problem);
-    return this.#retry(SLOW_MS, false);
+    return this.#retry(SLOW_MS, 'time');
   }
 
   /** The database, or a fault of ours: said, and tried again; the photo is where it was. */
   #fault(error: unknown): Outcome {
     this.listener.onTrouble(`Upload failed: ${String(error)}`);
-    return this.#retry(0, true);
+    return this.#retry(0, 'online');
   }
 
   #sendLater(id: string): void {
     this.#serverFailed.set(id, 1 + (this.#serverFailed.get(id) ?? 0));
   }
 
-  #retry(atLeast_ms: number, onlineEnds: boolean): Outcome {
+  #retry(atLeast_ms: number, endsBy: EndsBy): Outcome {
     this.#failures += 1;
     const wait_ms = Math.max(atLeast_ms, backoff_ms(this.#failures, this.#pacing));
-    return { kind: 'again', wait_ms, onlineEnds };
+    return { kind: 'again', wait_ms, endsBy };
   }
-}
-
-/** Whether sending the same again would get the same answer. */
-function isRefusal({ status }: ApiError): boolean {
-  return status >= 400 && status < 500 && ![401, 408, 425, 429].includes(status);
 }
 
 /** Whether nothing of this session will be taken, whatever is sent. */

@@ -3,7 +3,7 @@
  * no script can read, so nothing here knows a secret after `pair`.
  */
 
-import { integer, list, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
+import { integer, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
 import {
   captureSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
   problemSchema, PROTOCOL, recordingIndexSchema, serverInfoSchema, sessionSchema,
@@ -31,6 +31,11 @@ export class ApiError extends Error {
   ) {
     super(problem);
   }
+}
+
+/** Whether sending the same again would get the same answer. */
+export function isRefusal({ status }: ApiError): boolean {
+  return status >= 400 && status < 500 && ![401, 408, 425, 429].includes(status);
 }
 
 /** The server's words are not those of this page's version. */
@@ -151,10 +156,6 @@ export class Api {
   /** Server-sent events of an address, as bytes. */
   eventBytes(path: string, signal: AbortSignal): Promise<ReadableStream<Uint8Array>> {
     return this.#eventBytes(path, signal);
-  }
-
-  sessions(): Promise<readonly SessionSummary[]> {
-    return this.#json('GET', '/sessions', summariesSchema);
   }
 
   /** Begin a session, or find it again: the same id is the same session. */
@@ -333,7 +334,6 @@ export class Api {
 }
 
 const spokenSchema = record<{ readonly protocol: number }>({ protocol: integer() });
-const summariesSchema = list(sessionSummarySchema);
 
 /** What the server said, when it is what this page expects. @throws NotUnderstood */
 export function parsed<T>(schema: Schema<T>, text: string): T {

@@ -112,10 +112,6 @@ export class CaptureRecord {
     }
   }
 
-  guide(name: string, value: number, now_s: number): void {
-    this.#tell('GuideTold', now_s, { name, value });
-  }
-
   end(now_s: number): void {
     if (this.#ended) return;
     this.#ended = true;

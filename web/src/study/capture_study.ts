@@ -109,7 +109,7 @@ class StudyCapture implements CaptureExtension {
     this.#session = session;
     overlay.append(this.#sheet);
     document.body.classList.add('in-study');
-    this.#outbox.start();
+    void this.#outbox.run();
     session.subscribe(({ views }) => this.#record?.follow(views, now_s()));
     this.#show(this.#step);
     void this.api.follow({

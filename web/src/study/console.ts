@@ -261,7 +261,7 @@ function noteForm(one: ParticipantLine, typed: string): HTMLElement {
     make('div', { className: 'row' }, keep, ...(one.excluded === null ? [out] : [])),
     make('ul', {}, ...one.notes.map((text) => make('li', {}, text))),
     make('p', { className: 'quiet' }, one.images ? 'Photos may be kept.'
-      : 'Photos are deleted after each trial.'));
+      : 'Photos are deleted after each trial, or a day after the last step.'));
 }
 
 async function order(

@@ -5,10 +5,14 @@
 
 import { list, parseKept } from '../schema';
 import { ApiError } from '../server/api';
-import type { ParticipantApi } from './study_api';
+import { backoff_ms, browserPacing, type Pacing } from '../server/pacing';
+import { ParticipantApi } from './study_api';
 import { MAX_EVENTS, toldSchema, type Told } from './wire';
 
+const PREFIX = 'peaking.study.outbox.';
 const EVERY_MS = 1000;
+/** Not valid, too much, of somebody who is erased or does not take part (404, 409, 410). */
+const NEVER_TAKEN = new Set([400, 404, 409, 410, 413, 422]);
 
 export class Outbox {
   #events: Told[];
@@ -23,13 +27,16 @@ export class Outbox {
     this.#events = stored(storage.getItem(key));
   }
 
-  get waiting(): number {
-    return this.#events.length;
-  }
-
-  /** Send about once a second, for as long as the page is there. */
-  start(): void {
-    setInterval(() => void this.flush().catch(() => undefined), EVERY_MS);
+  /** Send about once a second, and less often while it fails, until the signal aborts. */
+  async run(
+    pacing: Pacing = browserPacing, signal: AbortSignal = new AbortController().signal,
+  ): Promise<void> {
+    let failures = 0;
+    while (!signal.aborted) {
+      await this.flush().then(() => { failures = 0; }, () => { failures += 1; });
+      const wait_ms = failures === 0 ? EVERY_MS : backoff_ms(failures, pacing);
+      await pacing.sleep(Math.max(EVERY_MS, wait_ms), signal);
+    }
   }
 
   put(event: Told): void {
@@ -50,9 +57,8 @@ export class Outbox {
     try {
       await this.send(some);
     } catch (error) {
-      // What the server will never take must not keep the rest from it.
-      const refused = error instanceof ApiError && [400, 413, 422].includes(error.status);
-      if (!refused) throw error;
+      // What the server will never take must not keep the rest from it, nor stay on this device.
+      if (!(error instanceof ApiError) || !NEVER_TAKEN.has(error.status)) throw error;
       console.error('the server refused events', error.problem, some);
     }
     this.#events = this.#events.slice(some.length);
@@ -71,16 +77,28 @@ export function outboxOf(study: ParticipantApi, session: string): Outbox {
     study.tell(crypto.randomUUID(), session, events));
 }
 
-/** Send what earlier pages of this participant could not; `own` is a session that has its outbox. */
+/**
+ * Send what earlier pages of this phone could not; `own` is a session that has its outbox. What is of
+ * a participant whose phone this no longer is does not stay here.
+ */
 export function sendLeftovers(study: ParticipantApi, own: string | null = null): void {
-  const prefix = prefixOf(study);
   for (const key of Object.keys(localStorage)) {
-    if (key.startsWith(prefix) && key !== prefix + own) outboxOf(study, key.slice(prefix.length)).start();
+    if (!key.startsWith(PREFIX) || key === prefixOf(study) + own) continue;
+    const [participant = '', session = ''] = key.slice(PREFIX.length).split('.');
+    if (participant === study.participant) {
+      void outboxOf(study, session).run();
+      continue;
+    }
+    const theirs = new ParticipantApi(study.api, participant);
+    void new Outbox(key, (events) => theirs.tell(crypto.randomUUID(), session, events)
+      .catch((error: unknown) => {
+        if (!(error instanceof ApiError) || error.status !== 403) throw error;
+      })).run();
   }
 }
 
 function prefixOf(study: ParticipantApi): string {
-  return `peaking.study.outbox.${study.participant}.`;
+  return `${PREFIX}${study.participant}.`;
 }
 
 function stored(text: string | null): Told[] {

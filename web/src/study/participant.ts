@@ -1,6 +1,8 @@
 /** The participant's page: whatever step the server says, as a calm page with one thing to do. */
 
 import { Api } from '../server/api';
+import { CaptureDb } from '../capture/capture_db';
+import { forgetErased } from '../capture/erased_sessions';
 import { make } from '../ui/dom';
 import type { DraftKeeper, Keeping } from './draft_keeper';
 import { paragraphs, QuestionForm } from './form';
@@ -28,12 +30,27 @@ async function main(): Promise<void> {
     return;
   }
   await study.follow({
-    onEvent: (state) => show(study, state, texts),
+    onEvent: (state) => {
+      show(study, state, texts);
+      void forgetWhatIsErased(api);
+    },
     onConnection: (_, refusal) => {
       document.body.dataset['connection'] = refusal === null ? '' : 'refused';
       if (refusal !== null && shownKey === '') fail(refusal.problem);
     },
   }, new AbortController().signal);
+}
+
+/** Photos that may not be kept go after their review, and the capture page may not open again. */
+async function forgetWhatIsErased(api: Api): Promise<void> {
+  const db = await CaptureDb.open();
+  try {
+    await forgetErased(api, db, await db.sessionIds());
+  } catch (error) {
+    console.error('what was erased is still on this device', error);
+  } finally {
+    db.close();
+  }
 }
 
 function show(study: ParticipantApi, state: ParticipantState, texts: Texts): void {

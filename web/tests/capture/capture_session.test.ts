@@ -395,6 +395,50 @@ describe('a session that takes nothing any more', () => {
     db.close();
   });
 
+  test('was erased while no page of it was open: the next page keeps nothing of it', async () => {
+    const session = await browser.open();
+    const [sent, undone] = [await session.shutter(photo(1)), await session.shutter(photo(2))];
+    await clock.until(allQueued(session, 2));
+    server.ready(sent);
+    await clock.until(() => states(session).includes('ready'));
+    await session.mpiBytes(sent, 1);
+    server.stop();
+    const unsent = await session.shutter(photo(3));
+    await session.undo(undone);
+    browser.close();
+    server.start();
+    server.erase(session.id);
+    // Its answer is lost at first, and what is new is sent all the same.
+    let losses = 2;
+    server.fault = (what) => what === 'GET /sessions/S' && losses-- > 0 ? 'reply lost' : null;
+    const next = await browser.open({ sessionId: 'the-next-one' });
+    await next.shutter(photo(4));
+    await clock.until(allQueued(next, 1));
+    const db = await CaptureDb.open(browser.name);
+    await clock.until(async () => (await db.sessionIds()).length === 1);
+    expect(await db.sessionIds()).toEqual([next.id]);
+    expect(await db.captures(session.id)).toEqual([]);
+    for (const id of [sent, undone, unsent]) expect(await db.photo(id)).toBeNull();
+    expect(await db.mpi(sent, 1)).toBeNull();
+    expect(server.sessions.has(session.id)).toBe(false);
+    db.close();
+  });
+
+  test('is asked about once: others of this browser stay', async () => {
+    const session = await browser.open();
+    await session.shutter(photo(1));
+    await clock.until(allQueued(session, 1));
+    browser.close();
+    const next = await browser.open({ sessionId: 'the-next-one' });
+    await next.shutter(photo(2));
+    await clock.until(allQueued(next, 1));
+    await settle();
+    expect(server.log.filter((what) => what === 'GET /sessions/S').length).toBe(1);
+    const db = await CaptureDb.open(browser.name);
+    expect((await db.captures(session.id)).length).toBe(1);
+    db.close();
+  });
+
   test('was deleted: photos stay here, and others are sent', async () => {
     const session = await browser.open();
     server.gone.set(session.id, 'deleted');

@@ -81,6 +81,11 @@ export class ModelServer {
     this.online = true;
   }
 
+  erase(id: string): void {
+    this.sessions.delete(id);
+    this.gone.set(id, 'erased');
+  }
+
   ready(captureId: string): void {
     for (const [id, held] of this.sessions) {
       const at = held.captures.findIndex((capture) => capture.id === captureId);
@@ -110,6 +115,7 @@ export class ModelServer {
       held.finished = change.finished ?? held.finished;
       return json(this.#session(id)?.summary, 200);
     }
+    if (part === undefined && method === 'GET') return json(this.#session(id), 200);
     if (part === 'peaked') return new Response(null, { status: 204 });
     if (leaf === 'mpi') return new Response(new Uint8Array([1, 2, 3]));
     const at = held.captures.findIndex((capture) => capture.id === captureId);

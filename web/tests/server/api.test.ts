@@ -90,7 +90,7 @@ test('refusals carry the sentence and the time to wait', async () => {
 test('no answer in time is an error without a status', async () => {
   const [api] = apiThat(({ init }) => new Promise((_resolve, reject) =>
     init.signal?.addEventListener('abort', () => reject(init.signal?.reason))));
-  await expect(api.sessions()).rejects.toMatchObject({ status: 0 });
+  await expect(api.session('s')).rejects.toMatchObject({ status: 0 });
 });
 
 test('ids never become a path', () => {
@@ -113,13 +113,13 @@ test('an upload is acknowledged only by an answer to it', async () => {
 test('what a login page says is not taken for the server', async () => {
   const html = { headers: { 'Content-Type': 'text/html' } };
   const [portal] = apiThat(() => new Response('<p>Welcome</p>', html));
-  await expect(portal.sessions()).rejects.toThrow('other than the peaking server');
+  await expect(portal.session('s')).rejects.toThrow('other than the peaking server');
 });
 
 test('a field that is not what it should be is named', async () => {
-  const [api] = apiThat(() => json([{ ...SUMMARY, captures: 'many' }]));
-  await expect(api.sessions()).rejects.toThrow(
-    '[0].captures: need a whole number, got "many"');
+  const [api] = apiThat(() => json({ ...SUMMARY, captures: 'many' }));
+  await expect(api.changeSession('s', {})).rejects.toThrow(
+    'captures: need a whole number, got "many"');
   const info = { protocol: PROTOCOL, options: { neighbours: 9 } };
   const [other] = apiThat(() => json(info));
   await expect(other.server()).rejects.toMatchObject({ status: 0 });

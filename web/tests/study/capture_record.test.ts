@@ -1,10 +1,11 @@
-import { expect, test } from 'vitest';
+import { expect, test, vi } from 'vitest';
 
 import type { CapturedView } from '../../src/capture/capture_session';
 import type { Camera } from '../../src/geometry';
-import { ApiError } from '../../src/server/api';
+import { Api, ApiError } from '../../src/server/api';
 import { CaptureRecord, type Moment } from '../../src/study/capture_record';
-import { Outbox } from '../../src/study/outbox';
+import { Outbox, sendLeftovers } from '../../src/study/outbox';
+import { ParticipantApi } from '../../src/study/study_api';
 import type { Told } from '../../src/study/wire';
 import { MapStorage } from './support';
 
@@ -93,7 +94,7 @@ test('what is told survives a reload without a server', async () => {
   const online = new Outbox('box', async (events) => void sent.push(...events), storage);
   await online.flush();
   expect(sent).toEqual([EVENT]);
-  expect(new Outbox('box', () => Promise.resolve(), storage).waiting).toBe(0);
+  expect(storage.values.size).toBe(0);
 });
 
 test('what the server will never take does not keep the rest from it', async () => {
@@ -107,4 +108,52 @@ test('what the server will never take does not keep the rest from it', async () 
   box.put(EVENT);
   await box.flush();
   expect(sent).toEqual([EVENT]);
+});
+
+test.each([404, 409, 410])('what nobody takes any more (%i) does not stay on the phone', async (status) => {
+  const storage = new MapStorage();
+  const box = new Outbox('box', () => Promise.reject(new ApiError(status, 'gone')), storage);
+  box.put(EVENT);
+  await box.flush();
+  expect(storage.values.size).toBe(0);
+});
+
+test.each([0, 403, 500])('what may be taken later (%i) is sent less and less often', async (status) => {
+  const storage = new MapStorage();
+  const waits_ms: number[] = [];
+  const end = new AbortController();
+  const box = new Outbox('box', () => Promise.reject(new ApiError(status, 'not now')), storage);
+  box.put(EVENT);
+  await box.run({
+    random: () => 1,
+    sleep: async (duration_ms) => { if (waits_ms.push(duration_ms) === 8) end.abort(); },
+  }, end.signal);
+  expect(waits_ms).toEqual([1000, 1000, 2000, 4000, 8000, 16_000, 30_000, 30_000]);
+  expect(storage.values.size).toBe(1);
+});
+
+test('what is of a participant whose phone this no longer is does not stay on it', async () => {
+  const kept: Record<string, string> = {};
+  const box = (participant: string): void => {
+    kept[`peaking.study.outbox.${participant}.s`] = JSON.stringify([EVENT]);
+  };
+  for (const participant of ['P01', 'P02', 'P03']) box(participant);
+  const methods = {
+    getItem: (key: string) => kept[key] ?? null,
+    setItem: (key: string, value: string) => { kept[key] = value; },
+    removeItem: (key: string) => { delete kept[key]; },
+  };
+  vi.stubGlobal('localStorage', new Proxy(kept, {
+    get: (_, name) => methods[name as keyof typeof methods],
+  }));
+  const asked: string[] = [];
+  const fetch = (input: RequestInfo | URL): Promise<Response> => {
+    const [, participant = ''] = /participants\/(P\d+)/.exec(String(input)) ?? [];
+    asked.push(participant);
+    return Promise.resolve(new Response(null, { status: participant === 'P03' ? 204 : 403 }));
+  };
+  sendLeftovers(new ParticipantApi(new Api('http://server', { fetch }), 'P02'));
+  await vi.waitFor(() => expect(Object.keys(kept)).toEqual(['peaking.study.outbox.P02.s']));
+  expect(new Set(asked)).toEqual(new Set(['P01', 'P02', 'P03']));
+  vi.unstubAllGlobals();
 });

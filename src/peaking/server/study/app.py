@@ -22,7 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Mount, Route
 
-from peaking.errors import PeakingError
+from peaking.errors import OutputError, PeakingError
 from peaking.server.auth import Guard
 from peaking.server.device_routes import pairing_link
 from peaking.server.devices import Devices
@@ -52,10 +52,13 @@ from peaking.study.records import StepKey
 
 CONSOLE = ""
 """The console's topic; every other topic is a participant."""
+FORGOTTEN_EVERY_S = 3600.0
 CONSOLE_PERIOD_S = 0.1
 """The console is told at most so often, however many phones tell something."""
 
 T = TypeVar("T")
+_log = logging.getLogger("peaking.server")
+
 _log = logging.getLogger("peaking.server")
 
 
@@ -83,6 +86,17 @@ class _Handlers:
         self.hub = hub
         self._view = ConsoleView(study)
         self._telling: asyncio.Task[None] | None = None
+
+    async def forget_images(self) -> None:
+        """Erase, as long as this runs, photos that may not be kept any longer."""
+        while True:
+            await asyncio.sleep(FORGOTTEN_EVERY_S)
+            forgotten, problems = await run_in_threadpool(self.study.forget_overdue_images)
+            for problem_ in problems:  # a full disk: tried again
+                _log.warning(problem_)
+            for participant in forgotten:
+                state = await run_in_threadpool(self._state, participant)
+                self.hub.send(participant.pseudonym, state, replaces=True)
 
     async def openapi(self, _: Request) -> Response:
         """Describe the capture server's addresses and the study's."""
@@ -193,7 +207,10 @@ class _Handlers:
     ) -> wire.ParticipantState:
         """Change a participant, and tell the phone (in a thread)."""
         change(participant)
-        self.study.forget_images(participant)
+        try:
+            self.study.forget_images(participant)
+        except (OSError, OutputError):  # the participant goes on, and it is tried again
+            _log.warning("photos of %s cannot be erased", participant.pseudonym, exc_info=True)
         state = self._state(participant)
         self.hub.send(participant.pseudonym, state, replaces=True)
         return state
@@ -236,8 +253,10 @@ def create_study_app(
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:
+        forgetting = asyncio.ensure_future(handlers.forget_images())
         async with capture.router.lifespan_context(capture):
             yield
+        forgetting.cancel()
         handlers.hub.close()
 
     app = Starlette(

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from peaking.errors import StudyError
+from peaking.errors import OutputError, StudyError
+from peaking.server.devices import Devices, has_devices
 from peaking.server.sessions import SessionStore
-from peaking.study.privacy import (
-    ErasedParticipant,
-    erased,
-    erased_log,
-    held,
-    owners,
-    readable_logs,
-)
+from peaking.study.privacy import ErasedParticipant, erased_log, held, owners, readable_logs
 from peaking.study.records import ParticipantBegun, participant_folder
 
 
@@ -28,7 +22,7 @@ def erase_participant(
     A participant whose log is damaged is erased all the same.
 
     Raises:
-        StudyError: There is no such participant, or the study is being served.
+        StudyError: There is no such participant, the study is being served, or something is left.
         OutputError: The folder of sessions is being served.
     """
     logs = readable_logs(study)
@@ -51,20 +45,42 @@ def erase_participant(
                 id=begun[0].id if begun else None,
             )
             erased_log(study).append(entry)
-            finish_erasures(study, store)
+            left = finish_erasures(study, store, [entry], devices_of(store))
         finally:
             store.close()
+    if left:
+        raise StudyError(study, left[0], remedy="put that right, and erase them again")
 
 
-def finish_erasures(study: Path, store: SessionStore) -> None:
-    """Do what is noted in erased.jsonl; again does nothing.
+def devices_of(store: SessionStore) -> Devices | None:
+    """Return the devices that are paired for the sessions; None where none ever was."""
+    return Devices(store.root) if has_devices(store.root) else None
 
-    Raises:
-        OSError: Something cannot be deleted.
+
+def finish_erasures(
+    study: Path,
+    store: SessionStore,
+    entries: Sequence[ErasedParticipant],
+    devices: Devices | None,
+) -> list[str]:
+    """Erase participants as it was noted; again does nothing.
+
+    Their own folder goes last: as long as it is there, they can be erased again.
+
+    Returns:
+        A sentence for each participant of whom something is left.
     """
-    for entry in erased(study):
-        for session in entry.sessions:
-            store.erase(session)
+    problems: list[str] = []
+    for entry in entries:
         folder = participant_folder(study, entry.participant)
-        if folder.exists():
-            shutil.rmtree(folder)
+        try:
+            for session in entry.sessions:
+                store.erase(session)
+            if devices is not None:
+                devices.forget(entry.participant)
+            if folder.exists():
+                shutil.rmtree(folder)
+        except (OSError, OutputError) as error:
+            cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            problems.append(f"{entry.participant} is erased, and something is left ({cause})")
+    return problems

@@ -13,6 +13,7 @@ import msgspec
 from peaking.errors import PeakingError, StudyError
 from peaking.server.study import wire
 from peaking.study import records
+from peaking.study.privacy import sessions_to_forget
 from peaking.study.procedure import (
     Step,
     StepState,
@@ -71,7 +72,7 @@ class OpenParticipant:
     def __init__(
         self, study: Path, pseudonym: str, *, protocol: Protocol, clock: Callable[[], float]
     ) -> None:
-        """Open a log, and cut off what a crash left unfinished.
+        """Open a log.
 
         Raises:
             StudyError: The log is damaged.
@@ -81,7 +82,6 @@ class OpenParticipant:
         self.lock = threading.RLock()
         self._clock = clock
         self._log = records.log_of(study, pseudonym)
-        self._log.mend()
         self.events: list[AnyEvent] = []
         self.sparse_events: list[AnyEvent] = []
         self._of_trials: dict[str, list[AnyEvent]] = {}
@@ -137,7 +137,10 @@ class OpenParticipant:
         return self.record.consented and bool(self._events_of(records.ConsentGiven))
 
     def session(self, step: Step) -> str | None:
-        """Return the capture session last begun for the trial of a step, or for its practice."""
+        """Return the capture session last begun for the trial of a step, or for its practice.
+
+        None where it was erased before the review was over: another one has to be begun.
+        """
         if step.trial is None:
             return None
         kinds = ("practice",) if step.kind == "practice" else ("scan", "capture")
@@ -148,7 +151,9 @@ class OpenParticipant:
                 found = event.session
             elif isinstance(event, records.StepRepeated) and event.step in keys:
                 found = None
-        return found
+        reviewed = self.is_done(f"{step.trial.key}.review")
+        erased = [e.session for e in self._events_of(records.ImagesErased)]
+        return None if found in erased and not reviewed else found
 
     # The experimenter
 
@@ -317,22 +322,9 @@ class OpenParticipant:
                 self._told.update(new)
 
     def sessions_to_forget(self) -> list[str]:
-        """Return sessions that are over and whose photos may not be kept, and are still there."""
+        """Return sessions whose photos may not be kept any longer, and are still there."""
         with self.lock:
-            if self.record.images:
-                return []
-            gone = {e.session for e in self.sparse_events if isinstance(e, records.ImagesErased)}
-            now = self.current
-            busy = set[str]()
-            if now is not None and now[0].trial is not None:
-                busy = {f"{now[0].trial.key}.{kind}" for kind in CAPTURING}
-            return [
-                e.session
-                for e in self.sparse_events
-                if isinstance(e, records.SessionLinked)
-                and e.session not in gone
-                and not (e.step in busy and not self.is_done(f"{e.step.partition('.')[0]}.review"))
-            ]
+            return sessions_to_forget(self.sparse_events, now_s=self._clock())
 
     def images_erased(self, session: str) -> None:
         """Remember that the photos of a session are gone."""

@@ -8,15 +8,20 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from peaking.errors import PeakingError, StudyError
+from peaking.errors import OutputError, PeakingError, StudyError
 from peaking.server.admission import NotAdmitted
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.store_folder import PRIVATE
 from peaking.server.study import wire
-from peaking.server.study.erasure import finish_erasures
+from peaking.server.study.erasure import devices_of, finish_erasures
 from peaking.server.study.open_participant import NotNow, OpenParticipant
 from peaking.study import records
-from peaking.study.privacy import erased, owners
+from peaking.study.privacy import (
+    erased,
+    owners,
+    read_erased,
+    sessions_to_forget,
+)
 from peaking.study.protocol import FILE_NAME, load_protocol, remarks, trials_of
 from peaking.study.texts import Texts
 
@@ -33,7 +38,8 @@ class OpenStudy:
     ) -> None:
         """Open it, and finish erasures that were interrupted.
 
-        A participant whose log is damaged is set aside and told in `problems`.
+        A participant whose log is damaged is set aside. `problems` tells that, and what cannot be
+        erased.
 
         Args:
             folder: Of the study.
@@ -42,12 +48,13 @@ class OpenStudy:
 
         Raises:
             StudyError: The protocol or a translation cannot be used.
-            OSError: What was erased cannot be deleted.
         """
         self.folder = folder
         self.sessions = sessions
-        self.problems: list[str] = []
-        finish_erasures(folder, sessions)
+        noted, self.problems = read_erased(folder)
+        devices = devices_of(sessions) if noted else None
+        self.problems += finish_erasures(folder, sessions, noted, devices)
+        self.problems += devices.problems if devices is not None else []
         (folder / "participants").mkdir(exist_ok=True)
         (folder / "participants").chmod(PRIVATE)
         self.protocol = load_protocol(folder)
@@ -63,8 +70,7 @@ class OpenStudy:
             except StudyError as error:
                 self._set_aside(name, error)
         self._owners = owners({p.pseudonym: p.events for p in self.participants.values()})
-        for participant in self.participants.values():
-            self.forget_images(participant)
+        self.problems += self.forget_overdue_images()[1]
 
     @property
     def remarks(self) -> list[str]:
@@ -191,11 +197,39 @@ class OpenStudy:
             "In a study, captures are erased with their participant: peaking study erase."
         )
 
-    def forget_images(self, participant: OpenParticipant) -> None:
-        """Erase the photos of trials that are over, where they may not be kept."""
-        for session in participant.sessions_to_forget():
+    def forget_images(self, participant: OpenParticipant) -> bool:
+        """Erase the photos that may not be kept any longer; return whether there were any.
+
+        Raises:
+            OSError: It could not be noted.
+            OutputError: Something is left that cannot be deleted.
+        """
+        sessions = participant.sessions_to_forget()
+        for session in sessions:
             self.sessions.erase(session)
             participant.images_erased(session)
+        return bool(sessions)
+
+    def forget_overdue_images(self) -> tuple[list[OpenParticipant], list[str]]:
+        """Erase the photos that may not be kept any longer, of everybody, set aside or not.
+
+        Returns:
+            The participants of whom something was erased, and a sentence for each of whom
+            something cannot be.
+        """
+        told: list[OpenParticipant] = []
+        problems: list[str] = []
+        for name in records.pseudonyms(self.folder):
+            try:
+                participant = self.participants.get(name)
+                if participant is None:
+                    self._forget_images_of_one_set_aside(name)
+                elif self.forget_images(participant):
+                    told.append(participant)
+            except (OSError, OutputError) as error:
+                cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
+                problems.append(f"{name}: photos cannot be erased ({cause})")
+        return told, problems
 
     # Inside
 
@@ -206,9 +240,21 @@ class OpenStudy:
             return False
         return True
 
+    def _forget_images_of_one_set_aside(self, pseudonym: str) -> None:
+        events, _ = records.log_of(self.folder, pseudonym).read_around_damage()
+        begun = [s.id for s in self.sessions.all_sessions() if s.owner == pseudonym]
+        for session in sessions_to_forget(events, now_s=self._clock(), begun=begun):
+            self.sessions.erase(session)
+
     def _set_aside(self, pseudonym: str, error: StudyError) -> None:
         self.problems.append(f"{pseudonym} is set aside: {error}")
         events, _ = records.log_of(self.folder, pseudonym).read_around_damage()
+        answers = (records.ConsentGiven, records.ConsentRefused)
+        if self.protocol.consent.strip() and not any(isinstance(e, answers) for e in events):
+            self.problems.append(
+                f"{pseudonym}: whether photos may be kept cannot be read; put back a copy of the "
+                "log, or erase the participant"
+            )
         begun = [event for event in events if isinstance(event, records.ParticipantBegun)]
         self._rows_set_aside |= {event.row for event in begun}
 
