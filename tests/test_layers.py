@@ -37,6 +37,7 @@ ORDER = [
     "output",
     "pictures",
     "reports",
+    "foreign_json",
     "event_log",
     "mpi_file",
     "datasets",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -57,13 +58,34 @@ def _cut_torn_line(descriptor: int) -> int:
     return whole
 
 
+def lines_of(path: Path) -> Iterator[bytes]:
+    """Yield the lines of a file one by one, without a last one that is not complete.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as file:
+        for line in file:
+            if line.endswith(b"\n"):
+                yield line
+
+
 class DamagedLine(Exception):
-    """A line in the middle of a log cannot be read."""
+    """A line in the middle of a log cannot be read, or several that follow one another."""
 
     def __init__(self, number: int, problem: str) -> None:
         """Remember which line (from 1) and why."""
-        super().__init__(f"line {number} cannot be read ({problem})")
+        super().__init__(number, problem)
         self.number = number
+        self.last = number
+        self.problem = problem
+
+    def __str__(self) -> str:
+        """Return a sentence."""
+        place = f"line {self.number}"
+        if self.last > self.number:
+            place = f"lines {self.number} to {self.last}"
+        return f"{place} cannot be read ({self.problem})"
 
 
 class EventLog(Generic[E]):
@@ -98,9 +120,12 @@ class EventLog(Generic[E]):
         """Return the events that can be read, and what is wrong with the lines that cannot."""
         events: list[E] = []
         damaged: list[DamagedLine] = []
-        for number, line in enumerate(self.path.read_bytes().split(b"\n")[:-1], start=1):
+        for number, line in enumerate(lines_of(self.path), start=1):
             try:
                 events.append(self._decoder.decode(line))
-            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-                damaged.append(DamagedLine(number, str(error)))
+            except (ValueError, RecursionError) as error:
+                if damaged and damaged[-1].last == number - 1:
+                    damaged[-1].last = number
+                else:
+                    damaged.append(DamagedLine(number, str(error)))
         return events, damaged

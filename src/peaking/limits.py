@@ -70,7 +70,13 @@ POINTS_MEMORY_BYTES = 2**26
 """That reading a point cloud takes, however large it is."""
 
 MAX_SPLAT_BYTES = 2**32
-"""Of 3D Gaussians (.ply): 17 million."""
+"""Of 3D Gaussians (.ply)."""
+
+MAX_GAUSSIANS = 2**24
+"""The same; those of degree 1 take 1.5 GB."""
 
 MAX_CHECKPOINT_BYTES = 2**30
 """Of a network's checkpoint, unpacked."""
+
+MAX_CHECKPOINT_PICKLE_BYTES = 2**22
+"""The same, of what names its tensors: one byte may make an object of 100. AdaMPI's has 0.1 MB."""

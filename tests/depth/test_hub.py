@@ -55,6 +55,31 @@ def test_sizes_are_those_of_the_hub_s_own_preparation() -> None:
     assert stretched.size_px(294, 639) == (384, 384)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "[" * 50_000,
+        '{"size":{"width":1e999}}',
+        '{"size":{"width":NaN}}',
+        '{"size":{"width":1000000}}',
+        '{"size":{"height":-5}}',
+        '{"size":{"height":0}}',
+        '{"ensure_multiple_of":100000}',
+        '{"size":7}',
+        '{"image_mean":[1,2]}',
+        '{"image_mean":[1e999,0,"x"]}',
+        '{"x":"' + "x" * 70_000 + '"}',
+    ],
+)
+def test_a_preparation_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "preprocessor_config.json"
+    path.write_text(text)
+    with pytest.raises(CheckpointError, match="cannot be used"):
+        Preparation.read(path)
+
+
 def test_colours_are_normalised() -> None:
     prepare = Preparation(14, 14, False, 14, (0.5, 0.0, 0.0), (0.5, 1.0, 2.0))
     made = prepare(np.full((14, 14, 3), 255, np.uint8))

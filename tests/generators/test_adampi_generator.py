@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import random
 import subprocess
 import zipfile
 from collections.abc import Callable
@@ -181,6 +182,46 @@ def test_a_file_that_unpacks_to_too_much_is_not_unpacked(
     monkeypatch.setattr(checkpoint_module, "MAX_CHECKPOINT_BYTES", 1_000_000)
     monkeypatch.setattr(torch, "load", None)
     with pytest.raises(CheckpointError, match="when it is unpacked"):
+        read_checkpoint(path)
+
+
+@pytest.mark.parametrize("damage", range(40))
+def test_any_damage_is_a_sentence(tmp_path: Path, damage: int) -> None:
+    path = saved(tmp_path / "bad.pth", {"num_planes": 4, "weight": {"x": torch.zeros(3)}})
+    data = bytearray(path.read_bytes())
+    drawn = random.Random(damage)
+    for _ in range(3):
+        at = drawn.randrange(len(data))
+        data[at : at + drawn.randrange(5)] = drawn.randbytes(drawn.randrange(5))
+    path.write_bytes(data)
+    with pytest.raises(CheckpointError):
+        read_checkpoint(path)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        torch.zeros(1).to_sparse(),
+        torch.zeros(1, device="meta"),
+        torch.zeros(1, dtype=torch.complex64),
+    ],
+    ids=["sparse", "meta", "complex"],
+)
+def test_tensors_of_other_kinds_are_refused(tmp_path: Path, value: torch.Tensor) -> None:
+    weight = random_network(1).state_dict() | {"fmn.conv9.layer.0.bias": value}
+    path = saved(tmp_path / "bad.pth", {"num_planes": 4, "weight": weight})
+    with pytest.raises(CheckpointError, match=r"fmn\.conv9\.layer\.0\.bias|more than"):
+        read_checkpoint(path)
+
+
+def test_a_pickle_of_too_many_objects_is_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "bomb.pth"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("bomb/data.pkl", b"\x80\x02(" + b"]" * 5_000_000 + b"l.")
+    monkeypatch.setattr(torch, "load", None)
+    with pytest.raises(CheckpointError, match="without its tensors"):
         read_checkpoint(path)
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from peaking.errors import SplatFileError
 from peaking.splat.columns import NUM_COLUMNS, QUATS
@@ -78,6 +82,53 @@ def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> N
     (tmp_path / "a.ply").write_bytes(data)
     with pytest.raises(SplatFileError, match=message):
         read_ply(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"float f_rest_0\n", b"float f_rest_x\n", "lacks f_rest_0"),
+        (b"float f_rest_44\n", b"float f_rest_99\n", "lacks f_rest_44"),
+        (b"float nx\n", b"float x\n", "twice"),
+        (b"float nx\n", b"float f_rest_45\n", "lacks f_rest_46"),
+        (b"vertex 3\n", b"vertex 99999999999\n", "at most 16,777,216"),
+    ],
+)
+def test_odd_properties_are_refused(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
+    data = encode_ply(Gaussians.from_parameters(cloud(3).astype(np.float32)))
+    assert old in data
+    (tmp_path / "a.ply").write_bytes(data.replace(old, new))
+    with pytest.raises(SplatFileError, match=message):
+        read_ply(tmp_path / "a.ply")
+
+
+def test_reading_takes_the_memory_of_the_gaussians(tmp_path: Path) -> None:
+    """Of a file with many more properties, most of it a hole."""
+    n, own = 20_000, 14 * 4
+    data = encode_ply(Gaussians.from_parameters(cloud(3).astype(np.float32)))
+    head = data[: data.index(b"end_header")].replace(b"vertex 3\n", b"vertex %d\n" % n)
+    head += b"".join(b"property float more_%d\n" % k for k in range(1000)) + b"end_header\n"
+    with (tmp_path / "a.ply").open("wb") as file:
+        file.write(head)
+        file.truncate(len(head) + 4 * n * 1062)
+    tracemalloc.start()
+    try:
+        assert len(read_ply(tmp_path / "a.ply")) == n
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 2 * n * (own + 9 * 4) + 4_000_000
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.integers(0, 1500), st.binary(min_size=1, max_size=8), st.integers(0, 12))
+def test_any_damage_is_gaussians_or_a_sentence(
+    tmp_path: Path, at: int, damage: bytes, lost: int
+) -> None:
+    good = encode_ply(Gaussians.from_parameters(cloud(3).astype(np.float32)))
+    (tmp_path / "a.ply").write_bytes(good[:at] + damage + good[at + lost :])
+    with contextlib.suppress(SplatFileError):  # anything else is a fault
+        assert len(read_ply(tmp_path / "a.ply")) <= 3
 
 
 def test_cut_off_and_missing_files_are_refused(tmp_path: Path) -> None:

@@ -176,9 +176,10 @@ def test_ab_ba_is_for_two() -> None:
 def test_what_is_not_there_and_what_is_not_toml(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="peaking study init"):
         load_protocol(tmp_path)
-    (tmp_path / FILE_NAME).write_text("version = ")
-    with pytest.raises(StudyError, match="is not TOML"):
-        load_protocol(tmp_path)
+    for text in ("version = ", "a = " + "[" * 5000, "a = " + "9" * 5000):
+        (tmp_path / FILE_NAME).write_text(text)
+        with pytest.raises(StudyError, match="is not TOML"):
+            load_protocol(tmp_path)
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe")
     with pytest.raises(StudyError, match="cannot be read"):
         load_protocol(tmp_path)

@@ -31,6 +31,12 @@ METRIC_KINDS = ("zoedepth", "glpn")
 
 FARTHEST_M = 1e3
 
+MAX_SIDE_PX = 4096
+"""Of what a model is shown."""
+
+MAX_CONFIG_BYTES = 2**16
+"""Of a preprocessor_config.json; those of the hub have 1 kB."""
+
 Run = Callable[[Float32[np.ndarray, "1 3 h w"]], Float32[np.ndarray, "h2 w2"]]
 """From a prepared picture to what the model says of it."""
 
@@ -63,18 +69,19 @@ class Preparation:
             CheckpointError: It is missing or not as it should be.
         """
         try:
-            said: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            with path.open("rb") as file:
+                said: dict[str, Any] = json.loads(file.read(MAX_CONFIG_BYTES))
             size = said.get("size", {})
             shortest = size.get("shortest_edge", 384)
             return Preparation(
-                width_px=int(size.get("width", shortest)),
-                height_px=int(size.get("height", shortest)),
+                width_px=_side_px(size.get("width", shortest)),
+                height_px=_side_px(size.get("height", shortest)),
                 keep_aspect=bool(said.get("keep_aspect_ratio", False)),
-                multiple_px=max(int(said.get("ensure_multiple_of", 1)), 1),
+                multiple_px=_side_px(said.get("ensure_multiple_of", 1)),
                 mean=_three(said.get("image_mean", (0.485, 0.456, 0.406))),
                 std=_three(said.get("image_std", (0.229, 0.224, 0.225))),
             )
-        except (OSError, ValueError, TypeError, AttributeError) as error:
+        except Exception as error:  # its fields may be anything
             raise CheckpointError(
                 f"{path}: cannot be used ({error}); put the model's own file there"
             ) from error
@@ -97,6 +104,13 @@ class Preparation:
         mean, std = np.array(self.mean, np.float32), np.array(self.std, np.float32)
         colours = (sized.astype(np.float32) / 255.0 - mean) / std
         return np.ascontiguousarray(colours.transpose(2, 0, 1)[None], dtype=np.float32)
+
+
+def _side_px(said: Any) -> int:
+    side_px = int(said)
+    if not 1 <= side_px <= MAX_SIDE_PX:
+        raise ValueError(f"need 1..{MAX_SIDE_PX} pixels, got {said}")
+    return side_px
 
 
 def _three(numbers: Any) -> tuple[float, float, float]:

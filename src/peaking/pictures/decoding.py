@@ -84,8 +84,9 @@ def decode_elsewhere(data: bytes) -> np.ndarray:
         )
     except subprocess.TimeoutExpired:
         raise TooCostly("takes too long to decode", remedy="store it as JPEG or PNG") from None
-    head, _, pixels = done.stdout.partition(b"\n")
-    if done.returncode != 0 or not head:
+    start = done.stdout.find(b"\n") + 1
+    if done.returncode != 0 or start == 0:
         raise ValueError(_NO_PICTURE)
-    kind, *shape = head.decode().split()
-    return np.frombuffer(pixels, kind).reshape([int(side) for side in shape])
+    kind, *shape = done.stdout[:start].decode().split()
+    pixels = np.frombuffer(done.stdout, np.uint8, offset=start)  # not copied: it may be gigabytes
+    return pixels.view(kind).reshape([int(side) for side in shape])

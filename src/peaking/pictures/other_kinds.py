@@ -27,7 +27,8 @@ def main() -> None:
     if stored is None:
         raise SystemExit(1)
     head = " ".join([stored.dtype.str, *map(str, stored.shape)])
-    sys.stdout.buffer.write(head.encode() + b"\n" + stored.tobytes())
+    sys.stdout.buffer.write(head.encode() + b"\n")
+    sys.stdout.buffer.write(np.ascontiguousarray(stored).data.cast("B"))
 
 
 if __name__ == "__main__":

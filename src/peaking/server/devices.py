@@ -28,6 +28,7 @@ from pathlib import Path
 import msgspec
 
 from peaking.errors import OutputError
+from peaking.foreign_json import decode_json
 from peaking.output import write_atomically
 from peaking.server.guessing import Guesses
 from peaking.server.pairing_codes import DEVICE, Grant, PairingCodes, Role, digest
@@ -295,7 +296,7 @@ class Devices:
         """Yield the file's content, to be changed; it is written when the block ends well."""
         with self._lock, self._locked():
             before = self._read()
-            file = msgspec.json.decode(before, type=_File) if before else self._new_file()
+            file = decode_json(before, _File) if before else self._new_file()
             now_s = self._clock()
             seen, self._seen = self._seen, {}
             used, self._used = self._used, set()
@@ -331,8 +332,8 @@ class Devices:
         except FileNotFoundError:
             return b""
         try:
-            file = msgspec.json.decode(data, type=_File)
-        except (msgspec.DecodeError, UnicodeDecodeError):
+            file = decode_json(data, _File)
+        except ValueError:
             file = None
         if file is None or file.version != VERSION:
             # What cannot be read lets nobody in.

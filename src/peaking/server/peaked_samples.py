@@ -8,7 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from peaking.event_log import append
+from peaking.event_log import append, lines_of
+from peaking.foreign_json import decode_json
 from peaking.server import wire
 
 FILE_NAME = "peaked.jsonl"
@@ -49,12 +50,12 @@ class PeakedSamples:
 
 def _read(path: Path) -> tuple[list[wire.PeakedSample], int]:
     """Return the samples, and how many lines are damaged."""
-    try:
-        lines = path.read_bytes().split(b"\n")[:-1]
-    except FileNotFoundError:
-        return [], 0
     samples: list[wire.PeakedSample] = []
-    for line in lines:
-        with contextlib.suppress(msgspec.DecodeError, UnicodeDecodeError):
-            samples.append(msgspec.json.decode(line, type=wire.PeakedSample))
-    return samples, len(lines) - len(samples)
+    damaged = 0
+    with contextlib.suppress(FileNotFoundError):
+        for line in lines_of(path):
+            try:
+                samples.append(decode_json(line, wire.PeakedSample))
+            except ValueError:
+                damaged += 1
+    return samples, damaged

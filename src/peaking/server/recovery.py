@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
 
+from peaking.datasets.transforms_json import read_json
+from peaking.errors import RecordingError
 from peaking.geometry import OPENCV_FROM_OPENGL
 from peaking.server import wire
 from peaking.server.dataset import depth_name, photo_name, points_name
 from peaking.server.session_log import CaptureStored
-
-
-class _Transforms(msgspec.Struct):
-    frames: list[Any]
 
 
 def recovered_captures(transforms: Path, *, at_s: float) -> list[CaptureStored]:
@@ -25,11 +23,14 @@ def recovered_captures(transforms: Path, *, at_s: float) -> list[CaptureStored]:
         transforms: The file.
         at_s: When they are recovered, seconds since 1970.
     """
+    folder = transforms.parent
     try:
-        read = msgspec.json.decode(transforms.read_bytes(), type=_Transforms)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        frames = read_json(folder, within=folder).get("frames")
+    except RecordingError:
         return []
-    found = [_stored(frame, at_s) for frame in read.frames]
+    if not isinstance(frames, list):
+        return []
+    found = [_stored(frame, at_s) for frame in cast("list[Any]", frames)]
     return [stored for stored in found if stored is not None]
 
 
@@ -52,5 +53,5 @@ def _stored(frame: Any, at_s: float) -> CaptureStored | None:
         if photo_name(number) != frame["file_path"]:
             return None
         return msgspec.json.decode(msgspec.json.encode(stored), type=CaptureStored)
-    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError):
         return None

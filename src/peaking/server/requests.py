@@ -9,6 +9,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import Scope
 
+from peaking.foreign_json import decode_json
 from peaking.server import wire
 from peaking.server.upload import BadUpload
 
@@ -85,8 +86,8 @@ async def read_json(request: Request, kind: type[T], *, status: int = 422) -> T:
     """
     body = await read_body(request, MAX_JSON_BYTES)
     try:
-        return msgspec.json.decode(body, type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        return decode_json(body, kind)
+    except ValueError as error:
         sentence = f"The JSON of the request is not valid: {error}."
         raise BadUpload(sentence, status=status) from error
 

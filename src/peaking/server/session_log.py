@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from peaking.event_log import EventLog
+from peaking.foreign_json import decode_json
 from peaking.server import wire
 
 FILE_NAME = "log.jsonl"
@@ -142,8 +143,8 @@ def named_in(log: Path) -> Named | None:
     """Return which session a log is of; None where its first line cannot be read."""
     try:
         with log.open("rb") as file:
-            return msgspec.json.decode(file.readline(), type=_FirstLine).session
-    except (OSError, ValueError, RecursionError):
+            return decode_json(file.readline(), _FirstLine).session
+    except (OSError, ValueError):
         return None
 
 

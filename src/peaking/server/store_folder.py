@@ -21,6 +21,7 @@ from pathlib import Path
 import msgspec
 
 from peaking.errors import OutputError
+from peaking.foreign_json import decode_json
 from peaking.output import flush
 from peaking.server import session_log, wire
 
@@ -201,8 +202,8 @@ def changed_s(folder: Path) -> float:
 
 def _who(said: bytes) -> str:
     try:
-        holder = msgspec.json.decode(said, type=Holder)
-    except msgspec.DecodeError:
+        holder = decode_json(said, Holder)
+    except ValueError:
         return "another process"
     since = time.strftime("%H:%M", time.localtime(holder.since_s))
     return f"another process ({holder.command!r}, number {holder.pid}, since {since})"

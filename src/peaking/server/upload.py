@@ -5,12 +5,12 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 import simplejpeg
 from jaxtyping import Float32, UInt16
 
 from peaking.errors import PeakingError
+from peaking.foreign_json import decode_json
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.pictures.jpeg import check_jpeg, segments
 from peaking.pictures.metadata import jpeg_without_metadata
@@ -137,8 +137,8 @@ def _header(body: memoryview) -> tuple[wire.CaptureHeader, memoryview]:
     if not 2 <= length <= MAX_HEADER_BYTES:
         raise BadUpload(f"A header has 2 to {MAX_HEADER_BYTES:,} bytes, not {length}.", status=400)
     try:
-        header = msgspec.json.decode(body[4 : 4 + length], type=wire.CaptureHeader)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        header = decode_json(body[4 : 4 + length], wire.CaptureHeader)
+    except ValueError as error:
         raise BadUpload(f"The header is not valid: {error}.") from error
     return header, body[4 + length :]
 

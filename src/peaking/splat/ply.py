@@ -7,17 +7,22 @@ only), opacity (logit), scale_0…2 (logarithms), rot_0…3 (w x y z, of length 
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from peaking.errors import SplatFileError
-from peaking.limits import MAX_SPLAT_BYTES
+from peaking.limits import MAX_GAUSSIANS, MAX_SPLAT_BYTES
 from peaking.output import write_atomically
 from peaking.splat.gaussians import Gaussians
 
 NUM_REST = 15
 """Coefficients per channel of the degrees 1 to 3."""
+
+_HEAD_BYTES = 1 << 16
+_BLOCK_BYTES = 1 << 20
 
 
 def write_ply(path: Path, gaussians: Gaussians) -> None:
@@ -57,16 +62,30 @@ def encode_ply(gaussians: Gaussians) -> bytes:
 def read_ply(path: Path) -> Gaussians:
     """Read a file of this form, of any degree; coefficients above degree 1 are left out.
 
+    Reading takes the memory of the Gaussians, twice at most, whatever else the file holds.
+
     Raises:
-        SplatFileError: It is not such a file, lacks a property, is cut off or holds NaN.
+        SplatFileError: It is not such a file, lacks a property, is cut off, holds NaN, or more than
+            is read (`peaking.limits`).
     """
     try:
-        if path.stat().st_size > MAX_SPLAT_BYTES:
-            raise SplatFileError(f"{path}: has more than {MAX_SPLAT_BYTES:,} bytes")
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > MAX_SPLAT_BYTES:
+                raise SplatFileError(f"{path}: has more than {MAX_SPLAT_BYTES:,} bytes")
+            start, n, names = _layout(path, file.read(_HEAD_BYTES))
+            if size - start != 4 * n * len(names):
+                needs = f"needs {4 * n * len(names)} bytes of data, has {size - start}"
+                raise SplatFileError(f"{path}: {needs}")
+            file.seek(start)
+            return _gaussians(path, file, n, names)
     except OSError as error:
         raise SplatFileError(f"{path}: cannot be read ({error.strerror})") from error
-    head, mark, body = data.partition(b"end_header\n")
+
+
+def _layout(path: Path, data: bytes) -> tuple[int, int, list[str]]:
+    """Return where the numbers begin, how many Gaussians there are, and what they have."""
+    head, mark, _ = data.partition(b"end_header\n")
     lines = head.decode("ascii", errors="replace").split("\n")
     if not mark or lines[0].strip() != "ply" or "binary_little_endian" not in " ".join(lines[1:2]):
         raise SplatFileError(f"{path}: is not a binary little-endian .ply file")
@@ -81,35 +100,53 @@ def read_ply(path: Path) -> Gaussians:
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise SplatFileError(f"{path}: does not hold Gaussians: {line.strip()!r}")
-    missing = [name for name in _names(0) if name not in names and name not in ("nx", "ny", "nz")]
+                said = line.strip()[:60]
+                raise SplatFileError(f"{path}: does not hold Gaussians: {said!r}")
+    rest = sum(name.startswith("f_rest_") for name in names)
+    needed = _names(-(-rest // 3))
+    missing = [name for name in needed if name not in names and name not in ("nx", "ny", "nz")]
     if n < 0 or missing:
         raise SplatFileError(f"{path}: lacks {', '.join(missing) or 'vertices'}; not a splat file")
-    if len(body) != 4 * n * len(names):
-        raise SplatFileError(f"{path}: needs {4 * n * len(names)} bytes of data, has {len(body)}")
-    values = np.frombuffer(body, "<f4").astype(np.float32).reshape(n, len(names))
-    columns = {name: values[:, k] for k, name in enumerate(names)}
-    return _gaussians(path, columns)
+    if len(set(names)) < len(names):
+        raise SplatFileError(f"{path}: has a property twice; not a splat file")
+    if n > MAX_GAUSSIANS:
+        raise SplatFileError(f"{path}: has {n:,} Gaussians, and at most {MAX_GAUSSIANS:,} are read")
+    return len(head) + len(mark), n, names
 
 
-def _gaussians(path: Path, columns: dict[str, np.ndarray]) -> Gaussians:
-    def of(*wanted: str) -> np.ndarray:
-        return np.stack([columns[name] for name in wanted], axis=1)
-
-    sh = of("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
-    num_rest = sum(name.startswith("f_rest_") for name in columns)
-    per_channel = num_rest // 3
-    if per_channel >= 3:
-        rest = of(*(f"f_rest_{c * per_channel + k}" for c in range(3) for k in range(3)))
-        if rest.any():
-            sh = np.concatenate([sh, rest.reshape(-1, 3, 3).transpose(0, 2, 1)], axis=1)
+def _gaussians(path: Path, file: BinaryIO, n: int, names: list[str]) -> Gaussians:
+    per_channel = sum(name.startswith("f_rest_") for name in names) // 3
+    degree = 1 if per_channel >= 3 else 0
+    sh = [[f"f_dc_{c}" for c in range(3)]]
+    sh += [[f"f_rest_{c * per_channel + k}" for c in range(3)] for k in range(3 * degree)]
+    parts = {
+        "means_m": ["x", "y", "z"],
+        "log_scales": ["scale_0", "scale_1", "scale_2"],
+        "quaternions": ["rot_0", "rot_1", "rot_2", "rot_3"],
+        "opacity_logits": ["opacity"],
+        "sh": [name for coefficient in sh for name in coefficient],
+    }
+    columns = {part: [names.index(name) for name in wanted] for part, wanted in parts.items()}
+    values = {part: np.empty((n, len(wanted)), np.float32) for part, wanted in parts.items()}
+    at_once = max(1, _BLOCK_BYTES // (4 * len(names)))
+    for first in range(0, n, at_once):
+        rows = min(at_once, n - first)
+        data = file.read(4 * rows * len(names))
+        if len(data) < 4 * rows * len(names):
+            raise SplatFileError(f"{path}: was cut off while it was read")
+        block = np.frombuffer(data, "<f4").reshape(rows, len(names))
+        for part, own in columns.items():
+            values[part][first : first + rows] = block[:, own]
+    coefficients = values["sh"].reshape(n, len(sh), 3)
+    if not coefficients[:, 1:].any():
+        coefficients = coefficients[:, :1].copy()
     try:
         return Gaussians(
-            means_m=of("x", "y", "z"),
-            log_scales=of("scale_0", "scale_1", "scale_2"),
-            quaternions=of("rot_0", "rot_1", "rot_2", "rot_3"),
-            opacity_logits=columns["opacity"].copy(),
-            sh=np.ascontiguousarray(sh),
+            means_m=values["means_m"],
+            log_scales=values["log_scales"],
+            quaternions=values["quaternions"],
+            opacity_logits=values["opacity_logits"][:, 0],
+            sh=coefficients,
         )
     except ValueError as error:
         raise SplatFileError(f"{path}: {error}") from error

@@ -185,7 +185,7 @@ def parse_protocol(text: str, file: Path) -> Protocol:
     """
     try:
         fields = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise StudyError(file, f"is not TOML: {error}", remedy="mend that line") from error
     if fields.get("version") != VERSION:
         raise StudyError(

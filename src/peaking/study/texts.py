@@ -109,7 +109,7 @@ class Texts:
                 f"is not there, and the study's language is {self.language!r}",
                 remedy=f"write one with: peaking study init FOLDER --language {self.language}",
             ) from None
-        except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
+        except (ValueError, RecursionError, OSError) as error:
             raise StudyError(
                 self._path, f"is not TOML: {error}", remedy="mend that line"
             ) from error

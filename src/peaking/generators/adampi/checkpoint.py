@@ -20,7 +20,7 @@ import torch
 
 from peaking.errors import CheckpointError
 from peaking.generators.adampi.network import AdaMpiNetwork
-from peaking.limits import MAX_CHECKPOINT_BYTES
+from peaking.limits import MAX_CHECKPOINT_BYTES, MAX_CHECKPOINT_PICKLE_BYTES
 
 MAX_NAMED = 3
 """Names of wrong entries, of each kind, that a message gives."""
@@ -66,9 +66,12 @@ _REMEDY = "`peaking checkpoints` says which file is needed"
 def _unpickled(path: Path) -> object:
     if not path.is_file():
         raise CheckpointError(f"{path}: there is no such file; {_REMEDY}")
-    if _unpacked_bytes(path) > MAX_CHECKPOINT_BYTES:
+    sizes = _unpacked_bytes(path)
+    pickled = sum(size for name, size in sizes.items() if name.endswith(".pkl"))
+    if sum(sizes.values()) > MAX_CHECKPOINT_BYTES or pickled > MAX_CHECKPOINT_PICKLE_BYTES:
         raise CheckpointError(
-            f"{path}: has more than {MAX_CHECKPOINT_BYTES:,} bytes when it is unpacked; {_REMEDY}"
+            f"{path}: has more than {MAX_CHECKPOINT_BYTES:,} bytes when it is unpacked, or "
+            f"{MAX_CHECKPOINT_PICKLE_BYTES:,} without its tensors; {_REMEDY}"
         )
     try:
         with warnings.catch_warnings():
@@ -86,13 +89,13 @@ def _unpickled(path: Path) -> object:
         ) from error
 
 
-def _unpacked_bytes(path: Path) -> int:
-    """Return how much is read: checkpoints are zip files, those of old versions are not."""
+def _unpacked_bytes(path: Path) -> dict[str, int]:
+    """Return how much is read of what: checkpoints are zip files, those of old versions are not."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return sum(entry.file_size for entry in archive.infolist())
-    except (OSError, ValueError, zipfile.BadZipFile):
-        return path.stat().st_size
+            return {entry.filename: entry.file_size for entry in archive.infolist()}
+    except Exception:  # damaged bytes raise anything
+        return {"all of it": path.stat().st_size}
 
 
 def _check_entries(
@@ -114,5 +117,16 @@ def _check_entries(
             raise CheckpointError(
                 f"{path}: weight: {name}: need shape {tuple(tensor.shape)}, got {got}; {_REMEDY}"
             )
+        if not _is_plain(value) or value.is_floating_point() != tensor.is_floating_point():
+            raise CheckpointError(
+                f"{path}: weight: {name}: need a tensor like {tensor.dtype}, got {value.dtype}, "
+                f"{value.layout}, on {value.device}; {_REMEDY}"
+            )
         if not torch.isfinite(value).all():
             raise CheckpointError(f"{path}: weight: {name}: holds NaN or infinity; fetch it again")
+
+
+def _is_plain(tensor: torch.Tensor) -> bool:
+    """Return whether a tensor is real numbers in memory, one after the other."""
+    stored = tensor.layout == torch.strided and tensor.device.type == "cpu"
+    return stored and not (tensor.is_complex() or tensor.is_quantized)
