@@ -36,14 +36,11 @@ class Turns:
         self._lines: Lines[_Work[Any]] = Lines()
         self._one_at_once = session_by_session
         self._busy: set[str] = set()
-        self._free = threads
+        self._count = self._free = threads
         self._due: queue.SimpleQueue[_Work[Any] | None] = queue.SimpleQueue()
-        self._threads = [
-            threading.Thread(target=self._work, name=f"{name}-{number}", daemon=True)
-            for number in range(threads)
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._name = name
+        self._threads: list[threading.Thread] = []
+        self._start()
 
     async def do(
         self, device: str, session: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
@@ -52,15 +49,24 @@ class Turns:
         loop = asyncio.get_running_loop()
         answer: asyncio.Future[T] = loop.create_future()
         self._lines.add(_Work(lambda: call(*args, **kwargs), session, answer), device, session)
+        if not self._threads:
+            self._start()
         self._hand_out()
         return await answer
 
     def close(self) -> None:
-        """Let the threads finish what they do; what waits is not done."""
+        """Let the threads finish what they do; they are started again when they are needed."""
         for _ in self._threads:
             self._due.put(None)
         for thread in self._threads:
             thread.join(ENDING_S)
+        self._threads = []
+
+    def _start(self) -> None:
+        for number in range(self._count):
+            name = f"{self._name}-{number}"
+            self._threads.append(threading.Thread(target=self._work, name=name, daemon=True))
+            self._threads[-1].start()
 
     def _hand_out(self) -> None:
         while self._free and (found := self._lines.next(but=self._busy)) is not None:
