@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import socket
 import threading
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -21,7 +22,9 @@ from peaking.server.connections import ConnectionLimits
 from peaking.server.dataset import zip_stream
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, OpenFile
+from peaking.server.http_connection import HttpConnection
 from peaking.server.requests import mark_paired
+from peaking.server.serving import UNSENT_BYTES
 
 PATIENCE_S = 20.0
 LARGE = bytes(range(256)) * 40_000
@@ -227,3 +230,20 @@ def test_a_zip_that_nobody_reads_holds_no_whole_file(path: Path) -> None:
     zipped = zip_stream([("depth/1.png", path)], path.parent)
     assert len(next(zipped)) < len(LARGE) / 10
     assert len(b"".join(zipped)) > len(LARGE) * 9 / 10
+
+
+def test_the_system_takes_little_that_is_not_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise whoever reads slowly is taken for somebody who does not read."""
+    unsent: list[int] = []
+    made = HttpConnection.connection_made
+
+    def watched(self: HttpConnection, transport: asyncio.Transport) -> None:
+        accepted = transport.get_extra_info("socket")
+        unsent.append(accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT))
+        made(self, transport)
+
+    monkeypatch.setattr(HttpConnection, "connection_made", watched)
+    with limited_server(Response(b"x"), ConnectionLimits()) as port:
+        request = b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"
+        assert heard(connect(port, request)).endswith(b"x")
+    assert unsent == [UNSENT_BYTES]

@@ -137,6 +137,13 @@ def test_nothing_is_held_on_to() -> None:
     in_turns(work)
 
 
+def test_it_begins_again_when_it_is_needed_after_its_end() -> None:
+    turns = Turns(1, name="test")
+    for _ in range(2):
+        assert asyncio.run(turns.do("a", "s", lambda: "done")) == "done"
+        turns.close()
+
+
 @pytest.fixture
 def stuck(monkeypatch: pytest.MonkeyPatch) -> Generator[threading.Event, None, None]:
     """Sessions whose disk does not answer."""

@@ -253,7 +253,7 @@ class _Handlers:
                 self.config.options,
             )
         except DamagedMpi as error:
-            await run_in_threadpool(self.queue.make_again, session, error.capture)
+            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
             raise Busy(1) from error
         finally:
             place.give_back()
@@ -344,7 +344,7 @@ class _Handlers:
         if file is None:
             if capture.mpi_version > int(version):
                 raise HTTPException(404, "This version is gone. Ask for the newest.")
-            await run_in_threadpool(self.queue.make_again, session, capture)
+            await self._changing(request, session.id, self.queue.make_again, session, capture)
             raise HTTPException(404, "This MPI was damaged on the disk. It is being made again.")
         return FileAnswer(
             file, room=self._files, media_type="application/octet-stream", headers=LASTING

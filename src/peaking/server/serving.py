@@ -41,6 +41,9 @@ ENDING_S = 2.0
 
 NO_FILES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 ACCEPT_PAUSE_S = 0.05
+UNSENT_BYTES = 65_536
+"""Of an answer that the system takes beyond what is on its way already."""
+
 _log = logging.getLogger("peaking.server")
 
 
@@ -215,6 +218,7 @@ class Server(uvicorn.Server):
             with contextlib.suppress(OSError):
                 accepted.shutdown(socket.SHUT_RDWR)
 
+        _keep_little_unsent(accepted)
         connection = Connection(address, end, loop.time())
 
         def protocol() -> HttpConnection:
@@ -252,3 +256,12 @@ class Server(uvicorn.Server):
             if not state.connections and not state.tasks:
                 return
             await asyncio.sleep(pause_s)
+
+
+def _keep_little_unsent(accepted: socket.socket) -> None:
+    """Let a connection say early that it can take more, so that slow readers are seen to read.
+
+    Otherwise the system takes megabytes at once, and nothing more until a third of them is read.
+    """
+    with contextlib.suppress(OSError, AttributeError):  # not on every system
+        accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)

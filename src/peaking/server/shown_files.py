@@ -20,7 +20,12 @@ _log = logging.getLogger("peaking.server")
 
 
 def sound_mpi(session: OpenSession, capture_id: str, version: int) -> OpenFile | None:
-    """Open an MPI whose checksum is right; None where it is gone or damaged."""
+    """Open an MPI whose checksum is right; None where it is gone or damaged.
+
+    Raises:
+        UnknownCapture: The capture is not here, or was undone meanwhile.
+    """
+    session.shown_capture(capture_id)
     try:
         file = OpenFile(session.mpi_path(capture_id, version), within=session.folder)
     except RecordingError:

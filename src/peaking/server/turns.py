@@ -24,7 +24,7 @@ class Turns:
     """
 
     def __init__(self, threads: int, *, name: str, session_by_session: bool = False) -> None:
-        """Start no thread yet: the first thing to be done does.
+        """Start the threads.
 
         Args:
             threads: How many things are done at once.
@@ -39,21 +39,22 @@ class Turns:
         self._free = threads
         self._due: queue.SimpleQueue[_Work[Any] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
+        self._start()
 
     async def do(
         self, device: str, session: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T:
         """Call something in a thread when its turn has come, and return what it returns."""
-        if not self._threads:
-            self._start()
         loop = asyncio.get_running_loop()
         answer: asyncio.Future[T] = loop.create_future()
         self._lines.add(_Work(lambda: call(*args, **kwargs), session, answer), device, session)
+        if not self._threads:
+            self._start()
         self._hand_out()
         return await answer
 
     def close(self) -> None:
-        """Let the threads finish what they do; what waits is not done."""
+        """Let the threads finish what they do; they are started again when they are needed."""
         for _ in self._threads:
             self._due.put(None)
         for thread in self._threads:
