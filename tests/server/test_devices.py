@@ -16,6 +16,7 @@ import msgspec
 import pytest
 from starlette.testclient import TestClient
 
+from clocks import Clock
 from peaking.cli import main
 from peaking.errors import PeakingError
 from peaking.server import devices as module
@@ -37,14 +38,6 @@ from peaking.server.wire import PROTOCOL
 
 PHONE = "0f0f0f0f-0000-4000-8000-000000000001"
 OTHER = "0f0f0f0f-0000-4000-8000-000000000002"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 1_000_000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture

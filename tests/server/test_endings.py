@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
+from clocks import Clock
 from peaking.errors import OutputError
 from peaking.server import open_session, wire
 from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
@@ -20,13 +21,6 @@ from peaking.server.upload import parse_upload
 
 OTHER_ID = "5e551011-0000-4000-8000-000000000002"
 NEW = msgspec.convert(new_session(), wire.NewSession)
-
-
-class Clock:
-    now_s = 1_700_000_000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def put(session: OpenSession, *numbers: int) -> None:

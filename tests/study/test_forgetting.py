@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from capture_uploads import new_session, photo, upload
+from clocks import Clock
 from peaking.server import wire
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.devices import Devices
@@ -27,13 +28,6 @@ from study.test_protocol import SMALL
 
 SESSION = "5e551011-0000-4000-8000-000000000001"
 NEW_SESSION = msgspec.convert(new_session(), wire.NewSession)
-
-
-class Clock:
-    now_s = 1_700_000_000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture

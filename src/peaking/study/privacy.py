@@ -77,6 +77,15 @@ def held(study: Path) -> Generator[None, None, None]:
         os.close(descriptor)
 
 
+def no_such_participant(study: Path, participant: str, known: Collection[str]) -> StudyError:
+    """Return the error for a pseudonym that nobody has."""
+    return StudyError(
+        study,
+        f"there is no participant {participant!r}",
+        remedy=f"choose from: {', '.join(known) or 'none yet'}",
+    )
+
+
 def erased_log(study: Path) -> EventLog[ErasedParticipant]:
     """Return the log of erased participants."""
     return EventLog(study / ERASED, ErasedParticipant)

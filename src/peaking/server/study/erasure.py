@@ -10,7 +10,14 @@ from pathlib import Path
 from peaking.errors import OutputError, StudyError
 from peaking.server.devices import Devices, has_devices
 from peaking.server.sessions import SessionStore
-from peaking.study.privacy import ErasedParticipant, erased_log, held, owners, readable_logs
+from peaking.study.privacy import (
+    ErasedParticipant,
+    erased_log,
+    held,
+    no_such_participant,
+    owners,
+    readable_logs,
+)
 from peaking.study.records import ParticipantBegun, participant_folder
 
 
@@ -27,11 +34,7 @@ def erase_participant(
     """
     logs = readable_logs(study)
     if participant not in logs:
-        raise StudyError(
-            study,
-            f"there is no participant {participant!r}",
-            remedy=f"choose from: {', '.join(logs) or 'none yet'}",
-        )
+        raise no_such_participant(study, participant, logs)
     with held(study):
         store = SessionStore(study / "sessions")
         try:

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import cast
 
 from peaking.datasets.foreign_files import read_bytes
-from peaking.errors import StudyError
 from peaking.output import replaced
 from peaking.reports.csv_table import csv_text
 from peaking.server import session_log
 from peaking.server.store_folder import ids_of
 from peaking.study.measures import measures_of
-from peaking.study.privacy import owners, readable_logs
+from peaking.study.privacy import no_such_participant, owners, readable_logs
 from peaking.study.protocol import load_protocol
 from peaking.study.records import ParticipantRecord, log_of, pseudonyms, read_events, record_of
 
@@ -69,11 +68,7 @@ def _session_folders(study: Path, participant: str) -> Iterator[Path]:
 def _record(study: Path, participant: str) -> ParticipantRecord:
     known = pseudonyms(study)
     if participant not in known:
-        raise StudyError(
-            study,
-            f"there is no participant {participant!r}",
-            remedy=f"choose from: {', '.join(known) or 'none yet'}",
-        )
+        raise no_such_participant(study, participant, known)
     return record_of(read_events(log_of(study, participant)))
 
 
