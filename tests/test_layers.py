@@ -31,6 +31,7 @@ ORDER = [
     "error_map",
     "overlay",
     "timing",
+    "tracking",
     "light_field",
     "view_builder",
     "pipeline",

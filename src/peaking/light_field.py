@@ -22,6 +22,7 @@ from peaking.options import DEFAULT, Opacity, Options
 from peaking.rendering import Rendering, render
 from peaking.rendering.blending import blend
 from peaking.timing import Stopwatch
+from peaking.tracking import Alignment
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 
 
@@ -33,11 +34,14 @@ class Comparison:
         rendering: The scene as the views show it.
         errors: Where that differs from the live picture.
         neighbours: The views it was rendered from.
+        alignment: Of the live picture with the rendering, where that was asked for: with the camera
+            that was rendered for, if it succeeded.
     """
 
     rendering: Rendering
     errors: ErrorMap
     neighbours: tuple[Neighbour, ...]
+    alignment: Alignment | None = None
 
 
 class Scratch:

@@ -158,6 +158,7 @@ export interface Options {
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
+  readonly align_poses?: boolean;
   readonly depth_model?: string | null;
 }
 
@@ -340,6 +341,7 @@ export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
   error_threshold: number(),
   shift_px: integer(),
   compensate_exposure: flag,
+  align_poses: optional(flag),
   depth_model: optional(nullable(text)),
 });
 
