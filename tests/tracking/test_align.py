@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from jaxtyping import Float64, UInt8
 
-from peaking.geometry import Camera, Pinhole, Rigid
+from drawn_room import LENS, bare, disturbed, photographed, upright_stripes
+from peaking.geometry import Camera, Rigid
 from peaking.rendering import Backend, Rendering
 from peaking.tracking import (
     MAX_MOVE_M,
@@ -21,7 +20,6 @@ from peaking.tracking import (
     refine,
 )
 from peaking.tracking.solution import first_and_last_level, halved, rotation_of
-from recordings import Room
 
 BACKENDS: tuple[Backend, ...] = ("numpy", "numba")
 backends = pytest.mark.parametrize("backend", BACKENDS)
@@ -39,36 +37,7 @@ AGREE_M = 2e-6
 AGREE_RAD = 1e-6
 """float64 against float32. Measured over eight disturbances, 2026-11-30: 0.09 µm, 0.03 µrad."""
 
-LENS = Pinhole(120, 160, 120.0, 121.0, 61.0, 79.0)
 HERE = Camera(LENS, Rigid.identity())
-ROOM = Room(box_m=((-0.35, -0.3, 1.0), (0.1, 0.25, 1.3)))
-
-
-def fine(points_m: Float64[np.ndarray, "*n 3"]) -> Float64[np.ndarray, "*n"]:
-    """Return a texture with detail of some centimetres, 0…1."""
-    x, y, z = np.moveaxis(points_m, -1, 0)
-    waves = np.sin(31 * x + 9 * z) + np.cos(23 * y - 7 * x) + np.sin(17 * x + 29 * y + 5 * z)
-    return 0.5 + waves / 8
-
-
-def photographed(
-    camera: Camera, paint: Callable[[Float64[np.ndarray, "*n 3"]], Float64[np.ndarray, "*n"]] = fine
-) -> tuple[UInt8[np.ndarray, "h w 3"], Rendering]:
-    """Return picture and rendering of the painted room, both exact but for 8 bits."""
-    _, depth_m = ROOM.photographed(camera)
-    points_m = camera.world_from_cam.apply(camera.pinhole.rays() * depth_m[..., None].astype(float))
-    grey = np.round(255 * paint(points_m)).astype(np.uint8)
-    rgb = np.repeat(grey[..., None], 3, axis=-1)
-    rgba = np.concatenate([rgb / 255, np.ones((*grey.shape, 1))], axis=-1).astype(np.float32)
-    return rgb, Rendering(rgba, depth_m)
-
-
-def disturbed(seed: int, move_m: float = 0.01, turn_rad: float = math.radians(0.5)) -> Camera:
-    """Return a camera so far from `HERE`, some way."""
-    random = np.random.default_rng(seed)
-    move, turn = random.normal(size=(2, 3))
-    rotation = rotation_of(turn / np.linalg.norm(turn) * turn_rad)
-    return Camera(LENS, Rigid(rotation, move / np.linalg.norm(move) * move_m))
 
 
 def assert_found(alignment: Alignment, truth: Camera) -> None:
@@ -164,10 +133,6 @@ def test_both_implementations_agree(seed: int) -> None:
     np.testing.assert_allclose(fast.turn_sd_rad, reference.turn_sd_rad, rtol=1e-3)
 
 
-def upright_stripes(points_m: Float64[np.ndarray, "*n 3"]) -> Float64[np.ndarray, "*n"]:
-    return 0.5 + 0.3 * np.sin(30 * points_m[..., 0])
-
-
 @backends
 def test_what_the_picture_does_not_tell_stays_as_given(backend: Backend) -> None:
     """Upright stripes tell nothing of up and down."""
@@ -187,9 +152,6 @@ def test_what_the_picture_does_not_tell_stays_as_given(backend: Backend) -> None
 
 @backends
 def test_a_bare_wall_says_nothing(backend: Backend) -> None:
-    def bare(points_m: Float64[np.ndarray, "*n 3"]) -> Float64[np.ndarray, "*n"]:
-        return np.full(points_m.shape[:-1], 0.6)
-
     live, rendering = photographed(HERE, bare)
     alignment = align(rendering, disturbed(1), live, backend=backend)
     assert alignment.failure == "too-few-pixels"

@@ -32,12 +32,15 @@ from peaking.geometry import Cam, Camera, Rigid
 from peaking.rendering import Backend, Rendering
 from peaking.tracking.solution import MIN_PIXELS, Solution, first_and_last_level, halved
 
-Failure = Literal["too-few-pixels", "too-far", "not-converged", "undetermined", "no-better"]
+Failure = Literal[
+    "too-few-pixels", "too-far", "not-converged", "too-different", "undetermined", "no-better"
+]
 """Why a pose was not corrected.
 
 - `too-few-pixels`: too little of the picture is rendered and has texture;
 - `too-far`: the search left the surroundings of the given pose;
-- `not-converged`: the last step was still large, or few pixels agree;
+- `not-converged`: the last step was still large;
+- `too-different`: the pictures do not show the same;
 - `undetermined`: the picture says hardly more than the given pose does;
 - `no-better`: at the pose that was found the pictures differ as much as before.
 """
@@ -52,6 +55,9 @@ MAX_LAST_TURN_RAD = 1e-3
 
 MIN_AGREEING = 0.5
 """Share of the pixels that must agree."""
+
+MIN_CORRELATION = 0.5
+"""Of the brightness of both pictures, by the weights that pixels have in the end."""
 
 MIN_LEARNED = 0.5
 """Some direction must be known better than this times as well as it was before."""
@@ -259,8 +265,8 @@ def _failure(
     still_rad = np.linalg.norm(solution.last_step[3:])
     if not (still_m <= MAX_LAST_MOVE_M and still_rad <= MAX_LAST_TURN_RAD):
         return "not-converged"
-    if solution.agreeing < MIN_AGREEING:
-        return "not-converged"
+    if solution.agreeing < MIN_AGREEING or solution.correlation < MIN_CORRELATION:
+        return "too-different"
     prior_sd = np.sqrt(np.diag(prior_covariance()))
     learned = np.linalg.eigvalsh(covariance / np.outer(prior_sd, prior_sd))[0]
     if math.sqrt(max(float(learned), 0.0)) > MIN_LEARNED:

@@ -102,6 +102,7 @@ def solve(rgba, depth_m, live, pinhole, prior):
         float(numbers[0]),
         float(numbers[1]),
         float(numbers[2]),
+        float(numbers[3]),
         room.last_step.copy(),
     )
 
@@ -470,6 +471,7 @@ def _judge(
     allowed = np.float32(AGREES * min(sigma, MAX_AGREEING_SIGMA))
     per_unit = 1.0 / (CAUCHY * sigma)
     agreeing = both = 0
+    sum_w = sum_t = sum_i = sum_tt = sum_ti = sum_ii = 0.0
     error_here = error_there = 0.0
     for k in range(count):
         a, b = here[k], there[k]
@@ -477,6 +479,16 @@ def _judge(
             continue
         if abs(b) <= allowed:
             agreeing += 1
+        t = np.float64(chosen[k, 3])
+        i = b + motion[12] * t + motion[13]
+        x = b * per_unit
+        w = 1.0 / (1.0 + x * x)
+        sum_w += w
+        sum_t += w * t
+        sum_i += w * i
+        sum_tt += w * t * t
+        sum_ti += w * t * i
+        sum_ii += w * i * i
         if a < np.float32(OUTSIDE):
             both += 1
             error_here += np.log1p((a * per_unit) ** 2)
@@ -484,8 +496,13 @@ def _judge(
     if both < MIN_PIXELS:
         return both
     numbers[0] = agreeing / seen
-    numbers[1] = error_here / both
-    numbers[2] = error_there / both
+    spread_t = sum_tt / sum_w - (sum_t / sum_w) ** 2
+    spread_i = sum_ii / sum_w - (sum_i / sum_w) ** 2
+    spread = spread_t * spread_i
+    together = sum_ti / sum_w - sum_t / sum_w * (sum_i / sum_w)
+    numbers[1] = together / np.sqrt(spread) if spread > 1e-12 else 0.0
+    numbers[2] = error_here / both
+    numbers[3] = error_there / both
     return seen
 
 

@@ -112,6 +112,7 @@ def solve(
         motion.offset,
         count,
         float(np.mean(np.abs(residuals[there]) <= allowed)),
+        correlation(live_there, chosen.brightness, weights_of(residuals, there)),
         robust_error(residuals_of(live_here, chosen, given)[both], sigma),
         robust_error(residuals[both], sigma),
         last_step,
@@ -225,6 +226,16 @@ def sigma_of(residuals: Float64[np.ndarray, "n"]) -> float:
 def robust_error(residuals: Float64[np.ndarray, "n"], sigma: float) -> float:
     """Return the mean of Cauchy's loss, whose derivative the weights are."""
     return float(np.mean(np.log1p((residuals / (CAUCHY * sigma)) ** 2)))
+
+
+def correlation(
+    a: Float64[np.ndarray, "n"], b: Float64[np.ndarray, "n"], weights: Float64[np.ndarray, "n"]
+) -> float:
+    """Return Pearson's correlation with weights; 0 where one of the two does not vary."""
+    share = weights / weights.sum()
+    a, b = a - (share * a).sum(), b - (share * b).sum()
+    spread = (share * a * a).sum() * (share * b * b).sum()
+    return float((share * a * b).sum() / np.sqrt(spread)) if spread > 1e-12 else 0.0
 
 
 def matched_brightness(chosen: Chosen, level: Level, lens: Pinhole, motion: Motion) -> Motion:

@@ -75,6 +75,7 @@ class Solution(NamedTuple):
         offset: Brightness that is added to it.
         num_pixels: Pixels that were compared at the finest level.
         agreeing: Share of them that agree.
+        correlation: Of the brightness of both, weighted as in the search.
         error_before: Mean robust error at the given pose, over pixels seen from both.
         error_after: The same at the pose that was found.
         last_step: Along x, y, z in metres, about x, y, z in radians.
@@ -87,6 +88,7 @@ class Solution(NamedTuple):
     offset: float
     num_pixels: int
     agreeing: float
+    correlation: float
     error_before: float
     error_after: float
     last_step: Float64[np.ndarray, "6"]
@@ -95,7 +97,7 @@ class Solution(NamedTuple):
 def nothing_found(information: Float64[np.ndarray, "6 6"], num_pixels: int = 0) -> Solution:
     """Return the given pose, of which nothing was learned."""
     return Solution(
-        np.eye(3), np.zeros(3), information, 1.0, 0.0, num_pixels, 0.0, 0.0, 0.0, np.zeros(6)
+        np.eye(3), np.zeros(3), information, 1.0, 0.0, num_pixels, 0.0, 0.0, 0.0, 0.0, np.zeros(6)
     )
 
 
