@@ -56,7 +56,7 @@ MAX_LAST_TURN_RAD = 1e-3
 MIN_AGREEING = 0.5
 """Share of the pixels that must agree."""
 
-MIN_CORRELATION = 0.5
+MIN_CORRELATION = 0.7
 """Of the brightness of both pictures, by the weights that pixels have in the end."""
 
 MIN_LEARNED = 0.5

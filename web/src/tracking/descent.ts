@@ -93,9 +93,13 @@ export class Descent {
     const fy = lens.fy_px * scale;
     const cx = lens.cx_px * scale - 0.5;
     const cy = lens.cy_px * scale - 0.5;
-    const [r00, r01, r02, r10, r11, r12, r20, r21, r22, t0, t1, t2, gain, offset] =
-      motion as unknown as readonly [number, number, number, number, number, number, number, number,
-        number, number, number, number, number, number];
+    const r00 = motion[0] as number, r01 = motion[1] as number, r02 = motion[2] as number;
+    const r10 = motion[3] as number, r11 = motion[4] as number, r12 = motion[5] as number;
+    const r20 = motion[6] as number, r21 = motion[7] as number, r22 = motion[8] as number;
+    const t0 = motion[9] as number, t1 = motion[10] as number, t2 = motion[11] as number;
+    const gain = motion[12] as number, offset = motion[13] as number;
+    const right = width - 1;
+    const bottom = height - 1;
     const chosen = this.#pyramid.chosen;
     const live = this.#pyramid.live;
     const histogram = this.#histogram.fill(0);
@@ -107,9 +111,10 @@ export class Descent {
       const ahead = r20 * x + r21 * y + r22 * z + t2;
       into[k] = OUTSIDE;
       if (!(ahead > 1e-3)) continue;
-      const u = (fx * (r00 * x + r01 * y + r02 * z + t0)) / ahead + cx;
-      const v = (fy * (r10 * x + r11 * y + r12 * z + t1)) / ahead + cy;
-      if (!(u >= 0 && v >= 0 && u < width - 1 && v < height - 1)) continue;
+      const inverse = 1 / ahead;
+      const u = fx * (r00 * x + r01 * y + r02 * z + t0) * inverse + cx;
+      const v = fy * (r10 * x + r11 * y + r12 * z + t1) * inverse + cy;
+      if (!(u >= 0 && v >= 0 && u < right && v < bottom)) continue;
       const col = u | 0;
       const row = v | 0;
       const fu = u - col;
