@@ -121,9 +121,10 @@ class Reconstruction:
         """
         field, alignment = self.light_field, None
         if self.options.align_poses:
+            blended = replace(field, options=replace(self.options, filling_views=0))
             with self._stopwatch.stage("align"):
                 alignment = refine(
-                    lambda near: field.render(near, scratch=self._small_scratch), camera, live
+                    lambda near: blended.render(near, scratch=self._small_scratch), camera, live
                 )
         seen = field.compare(
             live,
