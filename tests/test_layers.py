@@ -32,6 +32,7 @@ ORDER = [
     "error_map",
     "overlay",
     "timing",
+    "tracking",
     "light_field",
     "view_builder",
     "pipeline",

@@ -23,6 +23,7 @@ from peaking.options import DEFAULT, Opacity, Options
 from peaking.rendering import Rendering, draw_under, render
 from peaking.rendering.blending import blend
 from peaking.timing import Stopwatch
+from peaking.tracking import Alignment
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 
 
@@ -34,11 +35,14 @@ class Comparison:
         rendering: The scene as the views show it.
         errors: Where that differs from the live picture.
         neighbours: The views it was rendered from.
+        alignment: Of the live picture with the rendering, where that was asked for: with the camera
+            that was rendered for, if it succeeded.
     """
 
     rendering: Rendering
     errors: ErrorMap
     neighbours: tuple[Neighbour, ...]
+    alignment: Alignment | None = None
 
 
 class Scratch:

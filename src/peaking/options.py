@@ -66,6 +66,8 @@ class Options:
     """Misalignment in pixels that does not count as an error, 0 or 1."""
     compensate_exposure: bool
     """Equalise the exposure of the live picture and the rendering before they are compared."""
+    align_poses: bool = False
+    """Correct the pose of a live picture by what the rendering shows, before they are compared."""
     depth_model: str | None = None
     """Estimates the depth of frames without it: a folder, or a name of the Hugging Face hub."""
     depth_runtime: DepthRuntime = "pytorch"
@@ -125,6 +127,7 @@ DEFAULT = Options(
     error_threshold=0.4,
     shift_px=1,
     compensate_exposure=True,
+    align_poses=True,
 )
 
 PRESETS: Mapping[PresetName, Options] = {"default": DEFAULT, "paper": PAPER}

@@ -3,6 +3,7 @@
     frame ── view_builder ──► CapturedView ──► views                             add_view()
                                                 │ light_field: nearest K
     live picture + camera ──► render each, blend ──► compare ──► peaks           compare()
+              ▲ tracking: where it was really taken ──┘
 
 >>> scene = Reconstruction(PRESETS["default"])
 >>> scene.add_view(frame)                          # the shutter
@@ -11,6 +12,8 @@
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import UInt8
@@ -25,6 +28,7 @@ from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Options
 from peaking.rendering import Rendering
 from peaking.timing import Stopwatch
+from peaking.tracking import refine
 from peaking.view_builder import ViewBuilder
 
 
@@ -58,6 +62,7 @@ class Reconstruction:
             options, stopwatch=self._stopwatch, generator=generator, estimator=estimator
         )
         self._scratch = Scratch()
+        self._small_scratch = Scratch()
 
     @property
     def light_field(self) -> LightField:
@@ -109,9 +114,22 @@ class Reconstruction:
     def compare(self, live: UInt8[np.ndarray, "h w 3"], camera: Camera) -> Comparison:
         """Render the scene for a live picture of the working size, and compare the two.
 
+        With `align_poses`, from where the picture shows that it was taken.
+
         Raises:
             ValueError: No view was captured yet, or the sizes differ.
         """
-        return self.light_field.compare(
-            live, camera, scratch=self._scratch, stopwatch=self._stopwatch
+        field, alignment = self.light_field, None
+        if self.options.align_poses:
+            blended = replace(field, options=replace(self.options, filling_views=0))
+            with self._stopwatch.stage("align"):
+                alignment = refine(
+                    lambda near: blended.render(near, scratch=self._small_scratch), camera, live
+                )
+        seen = field.compare(
+            live,
+            camera if alignment is None else alignment.camera,
+            scratch=self._scratch,
+            stopwatch=self._stopwatch,
         )
+        return replace(seen, alignment=alignment)

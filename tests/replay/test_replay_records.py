@@ -1,12 +1,19 @@
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from replay_factories import path_record, settings, walk
 
-from peaking.replay.records import FrameRecord, summarize, write_frames_csv, write_summary
+from peaking.replay.records import (
+    FrameRecord,
+    PoseCorrection,
+    summarize,
+    write_frames_csv,
+    write_summary,
+)
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -48,6 +55,32 @@ def test_two_frames_by_hand(tmp_path: Path) -> None:
         "1,c.jpg,,false,,,0.031250,0.000000,0.250000,0.100000,1.000000,-2.000000,0.600000,"
         "0.000000,0.000000,1.000000,0.000000,-1.000000,0.000000,1.250,12.000\n"
     )
+
+
+def test_corrected_poses_stand_beside_the_recorded_ones(tmp_path: Path) -> None:
+    correction = PoseCorrection(
+        moved_m=0.006,
+        turned_rad=0.004,
+        failure=None,
+        position_m=np.array([0.006, 0.0, 0.0]),
+        forward=np.array([0.0, 0.0, 1.0]),
+        up=np.array([0.0, -1.0, 0.0]),
+    )
+    failed = replace(correction, moved_m=0.0, turned_rad=0.0, failure="too-few-pixels")
+    first, second, third = walk()[:3]
+    records = [first, replace(second, correction=correction), replace(third, correction=failed)]
+    write_frames_csv(tmp_path / "frames.csv", records)
+    rows = read_csv(tmp_path / "frames.csv")
+    assert [row["correction_m"] for row in rows] == ["", "0.006000", "0.000000"]
+    assert [row["corrected_position_x_m"] for row in rows] == ["", "0.006000", "0.006000"]
+    assert [row["correction_failure"] for row in rows] == ["", "", "too-few-pixels"]
+    assert summarize(settings(), records).poses == {
+        "corrected": 1,
+        "failed": 1,
+        "median_moved_m": 0.006,
+        "median_turned_rad": 0.004,
+    }
+    assert summarize(settings(), [first]).poses is None
 
 
 def test_the_first_frame_has_no_share_and_is_captured(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
+    PoseCorrection,
     ReplayHeader,
     ReplaySummary,
     summarize,
@@ -43,6 +44,7 @@ from peaking.selection.policy import Chosen, Decision, Policy
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
 from peaking.timing import Stopwatch
+from peaking.tracking import Alignment
 
 FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 """Wraps the frame numbers to show how far the walk is, such as `tqdm`."""
@@ -213,7 +215,22 @@ def _record(
         peaked_share=seen.errors.peaked_share if seen else None,
         missing_share=seen.errors.missing_share if seen else None,
         mean_error=seen.errors.mean_error if seen else None,
+        correction=None if seen is None else _correction(seen.alignment),
         stage_ms=stage_ms,
+    )
+
+
+def _correction(alignment: Alignment | None) -> PoseCorrection | None:
+    if alignment is None:
+        return None
+    rotation = alignment.camera.world_from_cam.rotation
+    return PoseCorrection(
+        moved_m=alignment.moved_m,
+        turned_rad=alignment.turned_rad,
+        failure=alignment.failure,
+        position_m=alignment.camera.position_m,
+        forward=rotation[:, 2],
+        up=-rotation[:, 1],
     )
 
 
