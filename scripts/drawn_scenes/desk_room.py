@@ -25,6 +25,7 @@ from drawn_scenes.parts import (
     picture_frame,
     satin,
     shape,
+    shelves,
 )
 
 DESK_TOP_M = 0.74
@@ -111,27 +112,7 @@ def bookshelf(rng: np.random.Generator) -> dict[str, Any]:
     """The shelf at the left of the back wall, and a small one over the window's cabinet."""
     boards, books = MeshParts(), MeshParts()
     left, right, front, back = -1.62, -0.42, 2.44, 2.74
-    middle, deep = (left + right) / 2, back - front
-    for x in (left, middle, right):
-        boards.box((0.025, deep, 2.3), Pose((x, (front + back) / 2, 1.15)), tile_m=(0.9, 0.3))
-    boards.box((right - left, 0.012, 2.3), Pose((middle, back, 1.15)), tile_m=(0.9, 0.3))
-    for k in range(8):
-        z = 0.06 + 0.32 * k
-        boards.box(
-            (right - left, deep, 0.022), Pose((middle, (front + back) / 2, z)), tile_m=(0.9, 0.3)
-        )
-        if k == 7:
-            continue
-        for start in (left, middle):
-            length = middle - left - rng.choice((0.03, 0.03, 0.14))
-            book_row(
-                rng,
-                books,
-                (start + 0.018, front + 0.02, z + 0.011),
-                length_m=length,
-                height_m=(0.19, 0.285),
-                depth_m=0.2,
-            )
+    shelves(rng, boards, books, x_m=(left, right), y_m=(front, back), count=8)
     book_row(
         rng,
         books,

@@ -159,6 +159,40 @@ def book_row(
         x += thick + 0.001 + lean * 0.004
 
 
+def shelves(
+    rng: np.random.Generator,
+    boards: MeshParts,
+    books: MeshParts,
+    *,
+    x_m: tuple[float, float],
+    y_m: tuple[float, float],
+    count: int,
+) -> None:
+    """A bookshelf of two columns that looks to -y, `count` boards 0.32 m apart, full of books."""
+    (left, right), (front, back) = x_m, y_m
+    middle, deep, high = (left + right) / 2, back - front, 0.32 * count - 0.26
+    for x in (left, middle, right):
+        boards.box((0.025, deep, high), Pose((x, (front + back) / 2, high / 2)), tile_m=(0.9, 0.3))
+    boards.box((right - left, 0.012, high), Pose((middle, back, high / 2)), tile_m=(0.9, 0.3))
+    for k in range(count):
+        z = 0.06 + 0.32 * k
+        boards.box(
+            (right - left, deep, 0.022), Pose((middle, (front + back) / 2, z)), tile_m=(0.9, 0.3)
+        )
+        if k == count - 1:
+            continue
+        for start in (left, middle):
+            length = middle - left - rng.choice((0.03, 0.03, 0.14))
+            book_row(
+                rng,
+                books,
+                (start + 0.018, front + 0.02, z + 0.011),
+                length_m=length,
+                height_m=(0.19, 0.285),
+                depth_m=0.2,
+            )
+
+
 def ball(radius_m: float) -> list[tuple[float, float]]:
     """The profile of a sphere."""
     angle = np.linspace(0, np.pi, 33)
