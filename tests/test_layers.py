@@ -27,6 +27,7 @@ ORDER = [
     "rendering",
     "scale_alignment",
     "view_weights",
+    "hole_filling",
     "metric_depth",
     "error_map",
     "overlay",

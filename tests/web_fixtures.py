@@ -52,6 +52,7 @@ OPTIONS = Options(
     neighbours=4,
     blend_weights="overlap",
     opacity="seen",
+    filling_views=3,
     error_threshold=0.4,
     shift_px=1,
     compensate_exposure=True,

@@ -1,6 +1,6 @@
 """The light field: MPIs, the choice of views, and a camera give a rendering. It has no state.
 
-    cameras + target ── choose_views ──► neighbours ── render_views ──► Rendering
+    cameras + target ── choose_views ──► neighbours ── render_views ──► fill_holes ──► Rendering
 
 Everything that shows captured views goes through here: live capture, replay, view selection,
 evaluation, and `peaking render`.
@@ -17,9 +17,10 @@ from jaxtyping import Float32, UInt8
 
 from peaking.error_map import ErrorMap, compare
 from peaking.geometry import Camera
+from peaking.hole_filling import choose_filling_views
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Opacity, Options
-from peaking.rendering import Rendering, render
+from peaking.rendering import Rendering, draw_under, render
 from peaking.rendering.blending import blend
 from peaking.timing import Stopwatch
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
@@ -110,6 +111,44 @@ def render_views(
         return blend(rgba, depth_m, weights, opacity=opacity)
 
 
+def fill_holes(
+    rendering: Rendering,
+    cameras: Sequence[Camera],
+    target: Camera,
+    options: Options,
+    *,
+    neighbours: Sequence[Neighbour],
+    get_mpi: Callable[[int], Mpi],
+) -> tuple[Rendering, tuple[int, ...]]:
+    """Draw under a rendering what further views have seen where it is empty.
+
+    Args:
+        rendering: What the neighbours show; it is written into.
+        cameras: Where the views were taken.
+        target: The camera of the rendering.
+        options: How many views fill, at most.
+        neighbours: The views that are in the rendering.
+        get_mpi: The MPI of a view, by its number; only what is needed is asked for.
+
+    Returns:
+        The rendering, and the views that filled it.
+    """
+    if options.filling_views == 0 or len(cameras) <= len(neighbours):
+        return rendering, ()
+    nearest = min(neighbours, key=lambda neighbour: neighbour.distance_m)
+    filling = choose_filling_views(
+        cameras,
+        target,
+        rendering.alpha,
+        get_mpi(nearest.index).plane_depths_m,
+        blended=[neighbour.index for neighbour in neighbours],
+        count=options.filling_views,
+    )
+    for index in filling:
+        rendering = draw_under(rendering, get_mpi(index), target)
+    return rendering, filling
+
+
 def blend_renderings(
     renderings: Sequence[Rendering],
     weights: Sequence[float],
@@ -143,11 +182,16 @@ class LightField:
         Raises:
             ValueError: There is no view.
         """
-        usable = [i for i in range(len(self.mpis)) if i not in self.guessed]
-        usable = usable or list(range(len(self.mpis)))
+        usable = self._usable
         cameras = [self.mpis[i].camera for i in usable]
         chosen = choose_views(cameras, camera, self.options, get_mpi=lambda k: self.mpis[usable[k]])
         return tuple(replace(neighbour, index=usable[neighbour.index]) for neighbour in chosen)
+
+    @property
+    def _usable(self) -> Sequence[int]:
+        """Numbers of the views that are shown."""
+        metric = [i for i in range(len(self.mpis)) if i not in self.guessed]
+        return metric or range(len(self.mpis))
 
     def render(
         self,
@@ -157,11 +201,11 @@ class LightField:
         scratch: Scratch | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> Rendering:
-        """Render the scene from anywhere.
+        """Render the scene from anywhere; what the blended views leave empty is filled.
 
         Args:
             camera: Where from.
-            neighbours: The views to render from, else those that `choose_views` gives.
+            neighbours: The views to blend, else those that `choose_views` gives.
             scratch: Room to work in, else new room is taken.
             stopwatch: Takes the time of every stage.
 
@@ -171,7 +215,7 @@ class LightField:
         if neighbours is None:
             with _stage(stopwatch, "nearest"):
                 neighbours = self.choose_views(camera)
-        return render_views(
+        blended = render_views(
             [self.mpis[neighbour.index] for neighbour in neighbours],
             [neighbour.weight for neighbour in neighbours],
             camera,
@@ -179,6 +223,20 @@ class LightField:
             scratch=scratch,
             stopwatch=stopwatch,
         )
+        with _stage(stopwatch, "fill"):
+            usable = self._usable
+            among = [
+                replace(neighbour, index=usable.index(neighbour.index)) for neighbour in neighbours
+            ]
+            filled, _ = fill_holes(
+                blended,
+                [self.mpis[i].camera for i in usable],
+                camera,
+                self.options,
+                neighbours=among,
+                get_mpi=lambda k: self.mpis[usable[k]],
+            )
+        return filled
 
     def compare(
         self,

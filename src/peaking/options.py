@@ -58,6 +58,8 @@ class Options:
     """How views are chosen and weighted: by distance alone, or by distance over overlap."""
     opacity: Opacity
     """Opacity of a pixel that only some views saw: the weighted sum, or the largest."""
+    filling_views: int
+    """Further views that fill what the blended ones leave empty, at most."""
     error_threshold: float
     """L1 over RGB, 0…3, above which a pixel is red, t."""
     shift_px: int
@@ -82,6 +84,8 @@ class Options:
             raise ValueError(f"need num_planes >= 2, got {self.num_planes}")
         if self.neighbours < 1:
             raise ValueError(f"need neighbours >= 1, got {self.neighbours}")
+        if self.filling_views < 0:
+            raise ValueError(f"need filling_views >= 0, got {self.filling_views}")
         if not 0 < self.error_threshold < 3:
             raise ValueError(f"need 0 < error_threshold < 3, got {self.error_threshold}")
 
@@ -103,6 +107,7 @@ PAPER = Options(
     neighbours=3,
     blend_weights="paper",
     opacity="paper",
+    filling_views=0,
     error_threshold=0.4,
     shift_px=0,
     compensate_exposure=False,
@@ -116,6 +121,7 @@ DEFAULT = Options(
     neighbours=4,
     blend_weights="overlap",
     opacity="seen",
+    filling_views=3,
     error_threshold=0.4,
     shift_px=1,
     compensate_exposure=True,

@@ -155,6 +155,7 @@ export interface Options {
   readonly neighbours: number;
   readonly blend_weights: 'overlap' | 'paper';
   readonly opacity: 'paper' | 'seen';
+  readonly filling_views: number;
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
@@ -337,6 +338,7 @@ export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
   neighbours: integer(1, 8),
   blend_weights: oneOf('overlap', 'paper'),
   opacity: oneOf('paper', 'seen'),
+  filling_views: integer(0),
   error_threshold: number(),
   shift_px: integer(),
   compensate_exposure: flag,

@@ -33,10 +33,10 @@ class SplatTraining:
 
 
 def with_mpis(recorded: RecordedFrames, views: Sequence[int]) -> Renderer:
-    """Return what the K nearest of the chosen views show."""
+    """Return what the chosen views show."""
 
     def render(camera: Camera) -> Rendering:
-        return recorded.render(recorded.neighbours(views, camera), camera)
+        return recorded.render(views, camera)
 
     return render
 

@@ -100,6 +100,35 @@ def render(
     return Rendering(rgba, depth_m)
 
 
+def draw_under(
+    rendering: Rendering, mpi: Mpi, camera: Camera, *, backend: Backend = "numba"
+) -> Rendering:
+    """Return the rendering with `mpi` drawn where it lets something through: `c + (1 - α) c_mpi`.
+
+    Args:
+        rendering: What is there; with `numba` its arrays are written into.
+        mpi: What to draw under it.
+        camera: The camera that the rendering is of.
+        backend: Which implementation.
+    """
+    if backend == "numba":
+        from peaking.rendering import _numba
+
+        homographies, depth_times_w = plane_homographies(mpi, camera)
+        nothing = np.zeros(mpi.num_planes)
+        out = rendering.rgba, rendering.depth_m
+        _numba.render(
+            mpi, homographies, depth_times_w, nothing, camera.pinhole.size_px, out=out, under=True
+        )
+        return rendering
+    below = render(mpi, camera, backend=backend)
+    through = 1.0 - rendering.alpha.astype(np.float64)
+    rgba = rendering.rgba + through[..., None] * below.rgba
+    weighted_m = rendering.alpha * rendering.depth_m + through * below.alpha * below.depth_m
+    depth_m = weighted_m / np.where(rgba[..., 3] > 0, rgba[..., 3], 1.0)
+    return Rendering(rgba.astype(np.float32), depth_m.astype(np.float32))
+
+
 def source_disparity(
     mpi: Mpi, size_px: tuple[int, int] | None = None, *, backend: Backend = "numba"
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:

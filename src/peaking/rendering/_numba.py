@@ -19,8 +19,11 @@ OPAQUE = 1.0 / 512.0
 """Transmittance below which what lies behind cannot change an 8-bit colour."""
 
 
-def render(mpi: Mpi, homographies, depth_times_w, disparity, size_px, *, out=None):
-    """Render; see `peaking.rendering.render`. `out`: two arrays to write into."""
+def render(mpi: Mpi, homographies, depth_times_w, disparity, size_px, *, out=None, under=False):
+    """Render; see `peaking.rendering.render`.
+
+    `out`: two arrays to write into; with `under`, what they hold is kept, and drawn under.
+    """
     width, height = size_px
     if out is None:
         out = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
@@ -36,6 +39,7 @@ def render(mpi: Mpi, homographies, depth_times_w, disparity, size_px, *, out=Non
         disparity.astype(np.float32),
         rgba,
         average,
+        under,
     )
     return rgba, average
 
@@ -87,7 +91,9 @@ def _lanes(texel):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _render(texels, tile_index, drawn, homographies, depth_times_w, disparity, rgba, average):
+def _render(
+    texels, tile_index, drawn, homographies, depth_times_w, disparity, rgba, average, under
+):
     height, width = average.shape
     rows, cols = tile_index.shape[1:]
     max_i = cols * 15  # exclusive bound of texel + 1
@@ -103,6 +109,9 @@ def _render(texels, tile_index, drawn, homographies, depth_times_w, disparity, r
             x1 = min(x0 + BLOCK_PX, width)
             for y in range(y0, y1):
                 for x in range(x0, x1):
+                    if under:
+                        average[y, x] *= rgba[y, x, 3]
+                        continue
                     for c in range(4):
                         rgba[y, x, c] = np.float32(0.0)
                     average[y, x] = np.float32(0.0)

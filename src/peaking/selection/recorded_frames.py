@@ -16,7 +16,13 @@ import peaking
 from peaking.datasets import Recording
 from peaking.frame import Frame
 from peaking.geometry import Camera
-from peaking.light_field import Scratch, choose_views, compare_with, render_views
+from peaking.light_field import (
+    Scratch,
+    choose_views,
+    compare_with,
+    fill_holes,
+    render_views,
+)
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Options
 from peaking.rendering import Rendering
@@ -137,14 +143,27 @@ class RecordedFrames:
         )
         return tuple(replace(neighbour, index=views[neighbour.index]) for neighbour in found)
 
-    def render(self, neighbours: Sequence[Neighbour], camera: Camera) -> Rendering:
-        """Render what views show together."""
+    def render(self, views: Sequence[int], camera: Camera) -> Rendering:
+        """Render what some views show."""
+        neighbours = self.neighbours(views, camera)
         mpis = [self.mpi(neighbour.index) for neighbour in neighbours]
         weights = [neighbour.weight for neighbour in neighbours]
         with self.stopwatch.stage("rendering"):
-            return render_views(
+            blended = render_views(
                 mpis, weights, camera, opacity=self.options.opacity, scratch=self._scratch
             )
+            rendering, _ = fill_holes(
+                blended,
+                [self.cameras[i] for i in views],
+                camera,
+                self.options,
+                neighbours=[
+                    replace(neighbour, index=list(views).index(neighbour.index))
+                    for neighbour in neighbours
+                ],
+                get_mpi=lambda k: self.mpi(views[k]),
+            )
+        return rendering
 
     def take_costs(self) -> tuple[dict[str, float], int]:
         """Return milliseconds by stage, and how many MPIs were made, since the last time."""
@@ -157,10 +176,10 @@ class RecordedFrames:
             made += its_made
         return stages_ms, made
 
-    def _peaked_share(self, index: int, neighbours: tuple[Neighbour, ...]) -> float:
+    def _peaked_share(self, index: int, views: tuple[int, ...]) -> float:
         """Return how much of a frame is red where these views show it."""
         frame = self.frame(index)
-        rendering = self.render(neighbours, frame.camera)
+        rendering = self.render(views, frame.camera)
         return compare_with(self.options, rendering, frame.rgb).peaked_share
 
     def _frame(self, index: int) -> Frame:
@@ -210,7 +229,7 @@ class RecordedCandidate:
 
     def peaked_share(self, views: Sequence[int]) -> float:
         """Return how much of it is red, 0…1, where these views show it."""
-        return self.frames.peaked_share(self.number, self.frames.neighbours(views, self.camera))
+        return self.frames.peaked_share(self.number, tuple(views))
 
 
 def select(

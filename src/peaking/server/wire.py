@@ -265,7 +265,8 @@ class PeakedSamples(Struct, frozen=True):
 def _client_options() -> list[tuple[str, Any] | tuple[str, Any, Any]]:
     """Return the fields of `Options`: those of the method's options that a client needs."""
     types = get_type_hints(method.Options) | {
-        "neighbours": Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)]
+        "neighbours": Annotated[int, Meta(ge=1, le=MAX_NEIGHBOURS)],
+        "filling_views": Annotated[int, Meta(ge=0)],
     }
     return [
         (option.name, types[option.name])
