@@ -63,11 +63,7 @@ def _frame(capture: wire.Capture) -> dict[str, object]:
         "cx": k.cx_px,
         "cy": k.cy_px,
         "transform_matrix": _matrix_opengl(capture.camera.world_from_cam),
-        **(
-            {}
-            if corrected is None
-            else {"corrected_transform_matrix": _matrix_opengl(corrected)}
-        ),
+        **({} if corrected is None else {"corrected_transform_matrix": _matrix_opengl(corrected)}),
         "timestamp": capture.time_s,
         "capture_id": capture.id,
     }
