@@ -33,7 +33,7 @@ def test_l1_over_rgb_by_hand(backend: Backend) -> None:
     live = np.array([[[51, 102, 153]]], np.uint8)  # 0.2, 0.4, 0.6
     errors = compare_as_paper(one_pixel(0.3, 0.4, 0.9, 1.0), live, backend)
     assert errors.error[0, 0] == pytest.approx(0.1 + 0.0 + 0.3, abs=1e-6)
-    assert not errors.missing[0, 0]
+    assert not errors.unseen[0, 0]
 
 
 @both
@@ -58,9 +58,9 @@ def test_what_was_never_seen_is_black_and_missing(backend: Backend) -> None:
     rgba = np.array([[[0, 0, 0, 0], [0.502, 0.502, 0.502, 1]]])
     errors = compare_as_paper(rendering(rgba), live, backend)
     np.testing.assert_array_equal(errors.peaked, [[True, False]])
-    np.testing.assert_array_equal(errors.missing, [[True, False]])
+    np.testing.assert_array_equal(errors.unseen, [[True, False]])
     assert errors.error[0, 0] == pytest.approx(3 * 128 / 255, abs=1e-6)
-    assert (errors.peaked_share, errors.missing_share) == (0.5, 0.5)
+    assert (errors.peaked_share, errors.unseen_share) == (0.5, 0.5)
 
 
 @both
@@ -126,7 +126,7 @@ def test_the_fast_path_agrees(
         for backend in ("numpy", "numba")
     )
     np.testing.assert_allclose(fast.error, reference.error, atol=AGREEMENT)
-    np.testing.assert_array_equal(fast.missing, reference.missing)
+    np.testing.assert_array_equal(fast.unseen, reference.unseen)
     clear = np.abs(reference.error - 0.4) > AGREEMENT
     np.testing.assert_array_equal(fast.peaked[clear], reference.peaked[clear])
 

@@ -28,6 +28,7 @@ ORDER = [
     "scale_alignment",
     "view_weights",
     "hole_filling",
+    "memory",
     "metric_depth",
     "error_map",
     "overlay",

@@ -41,13 +41,13 @@ def test_two_frames_by_hand(tmp_path: Path) -> None:
         captured=False,
         nearest_distance_m=0.1,
         peaked_share=0.03125,
-        missing_share=0.0,
+        unseen_share=0.0,
         mean_error=0.25,
         stage_ms={"read": 1.25, "render": 12.0},
     )
     write_frames_csv(tmp_path / "frames.csv", [first, second])
     assert (tmp_path / "frames.csv").read_text() == (
-        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,missing_share,mean_error,nearest_distance_m,"
+        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,unseen_share,mean_error,nearest_distance_m,"
         "position_x_m,position_y_m,position_z_m,forward_x,forward_y,forward_z,up_x,up_y,up_z,"
         "ms_read,ms_render\n"
         '0,"a, b.jpg",1700000000.123456,true,,,,,,,1.000000,-2.000000,0.500000,'
@@ -87,7 +87,7 @@ def test_the_first_frame_has_no_share_and_is_captured(tmp_path: Path) -> None:
     write_frames_csv(tmp_path / "frames.csv", walk())
     rows = read_csv(tmp_path / "frames.csv")
     assert len(rows) == 150
-    assert rows[0]["peaked_share"] == rows[0]["missing_share"] == rows[0]["mean_error"] == ""
+    assert rows[0]["peaked_share"] == rows[0]["unseen_share"] == rows[0]["mean_error"] == ""
     assert rows[0]["captured"] == "true"
     assert [float(row["peaked_share"]) for row in rows[1:3]] == [0.0038, 0.0076]
 
@@ -149,7 +149,7 @@ def test_options_that_json_has_not_become_text_or_lists(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"peaked_share": 1.5}, "peaked_share"),
-        ({"missing_share": float("nan")}, "missing_share"),
+        ({"unseen_share": float("nan")}, "missing_share"),
         ({"nearest_distance_m": -0.1}, "nearest_distance_m"),
         ({"mean_error": float("inf")}, "mean_error"),
         ({"position_m": np.array([0.0, np.nan, 0.0])}, "position_m"),

@@ -155,7 +155,8 @@ def _truth_and_sensor(
     if exact_m is None:
         truth_m = cv2.resize(frame.depth_m, (width, height), interpolation=cv2.INTER_NEAREST)
         return truth_m.astype(np.float32), phone_depth_m(truth_m.astype(np.float32), rng)
-    return exact_m, frame.depth_m
+    at_picture = cv2.resize(exact_m, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    return at_picture.astype(np.float32), frame.depth_m
 
 
 def phone_depth_m(

@@ -18,12 +18,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float32, Float64, UInt8
 
 from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.datasets.point_cloud import check_points, read_points
+from peaking.datasets.recording import GLASS, MIRROR
 from peaking.datasets.stored_images import (
     depth_size_px,
     picture_size_px,
@@ -165,23 +167,44 @@ class NerfstudioRecording:
     def true_depth_m(self, index: int) -> Float32[np.ndarray, "h w"] | None:
         """Return the exact depth of a drawn scene (`exact_depth_file_path`, mm); else None.
 
-        It is 0 on mirror and glass (`materials_file_path`), whose first surface is not what a
-        sensor, or a renderer, needs.
+        It has any size of the picture's aspect, and is 0 on mirror and glass (`materials`), whose
+        first surface is not what a sensor, or a renderer, needs.
 
         Raises:
             RecordingError: A file cannot be read.
         """
-        fields = Fields(self.path, self.views[index].entry, {})
-        exact, materials = (
-            fields.file(key) for key in ("exact_depth_file_path", "materials_file_path")
-        )
+        exact = self._fields(index).file("exact_depth_file_path")
         if exact is None:
             return None
         depth_mm = read_grey(self.root / exact, within=self._within)
         depth_m = depth_mm.astype(np.float32) / np.float32(1000.0)
+        materials = self.materials(index)
         if materials is not None:
-            depth_m[read_grey(self.root / materials, within=self._within) > 0] = 0.0
+            size_px = depth_m.shape[1], depth_m.shape[0]
+            at_depth = cv2.resize(materials, size_px, interpolation=cv2.INTER_NEAREST_EXACT)
+            depth_m[(at_depth == MIRROR) | (at_depth == GLASS)] = 0.0
         return depth_m
+
+    def materials(self, index: int) -> UInt8[np.ndarray, "h w"] | None:
+        """Return what each pixel of a drawn scene shows (`materials_file_path`); else None.
+
+        0 is none of these: 1 mirror, 2 glass, 3 what moves between frames, 4 over-exposed.
+
+        Raises:
+            RecordingError: The file cannot be read.
+        """
+        labels = self._fields(index).file("materials_file_path")
+        if labels is None:
+            return None
+        return read_grey(self.root / labels, within=self._within).astype(np.uint8)
+
+    def group(self, index: int) -> str | None:
+        """Return what a frame of a drawn scene is for (`group`: "view", "beside", …); else None.
+
+        Raises:
+            RecordingError: The field is no text.
+        """
+        return self._fields(index).text("group")
 
     def fingerprint(self) -> str:
         """Return a short name for transforms.json and the sizes of pictures and depth maps."""
@@ -249,6 +272,9 @@ class NerfstudioRecording:
             (folder / FILE_NAME).write_text(text, encoding="utf-8")
             written = _opened_again(folder, out, chosen)
         return replace(written, root=out)
+
+    def _fields(self, index: int) -> Fields:
+        return Fields(self.path, self.views[index].entry, {}, f"frames[{index}]")
 
     def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
         if view.points is None:

@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, UInt8
 
 from peaking.frame import Frame
 from peaking.geometry import Camera
+
+MIRROR, GLASS, MOVING, OVEREXPOSED = 1, 2, 3, 4
+"""Labels of `Recording.materials`; 0 is everything else."""
 
 
 @runtime_checkable
@@ -69,7 +72,18 @@ class Recording(Protocol):
         ...
 
     def true_depth_m(self, index: int) -> Float32[np.ndarray, "h w"] | None:
-        """Return the exact depth of a drawn scene, 0 where it does not count; else None."""
+        """Return the exact depth of a drawn scene, 0 where it does not count; else None.
+
+        It has any size of the picture's aspect.
+        """
+        ...
+
+    def materials(self, index: int) -> UInt8[np.ndarray, "h w"] | None:
+        """Return what each pixel of a drawn scene shows: `MIRROR`, `GLASS`, …; else None."""
+        ...
+
+    def group(self, index: int) -> str | None:
+        """Return what a frame of a drawn scene is for ("view", "beside", …); else None."""
         ...
 
     def fingerprint(self) -> str:

@@ -44,6 +44,10 @@ class PoseCorrection:
     up: Float[np.ndarray, "3"]
 
 
+SHARES = ("peaked_share", "wrong_share", "unseen_share", "unfixable_share")
+"""Of a frame's pixels."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:
     """One frame of a recording, as it was seen on the walk.
@@ -60,8 +64,10 @@ class FrameRecord:
         forward: Viewing direction in the world, of length 1.
         up: The direction in the world that is up in the picture, of length 1.
         nearest_distance_m: Distance to the nearest captured view.
-        peaked_share: Pixels shown red, 0…1 of the picture.
-        missing_share: Pixels that no captured view has seen, 0…1 of the picture.
+        peaked_share: Pixels that a view from here mends, 0…1 of the picture.
+        wrong_share: Pixels that are shown wrongly, 0…1 of the picture; they are red.
+        unseen_share: Pixels of what no captured view has seen, 0…1 of the picture.
+        unfixable_share: Pixels that are wrong and that no view will help, 0…1 of the picture.
         mean_error: Mean over the picture of the error, in the error's own unit.
         captured: Whether a view was made of this frame; in the end, whether it was kept.
         reason: Why the policy decided so.
@@ -80,7 +86,9 @@ class FrameRecord:
     timestamp_s: float | None = None
     nearest_distance_m: float | None = None
     peaked_share: float | None = None
-    missing_share: float | None = None
+    wrong_share: float | None = None
+    unseen_share: float | None = None
+    unfixable_share: float | None = None
     mean_error: float | None = None
     reason: str = ""
     dropped_at: int | None = None
@@ -94,7 +102,7 @@ class FrameRecord:
             vector = getattr(self, name)
             if np.shape(vector) != (3,) or not np.isfinite(vector).all():
                 raise ValueError(f"need 3 finite numbers as {name}, got {vector}")
-        for name in ("peaked_share", "missing_share"):
+        for name in SHARES:
             share = getattr(self, name)
             if share is not None and not 0.0 <= share <= 1.0:
                 raise ValueError(f"need 0 <= {name} <= 1 or None, got {share}")
@@ -142,7 +150,8 @@ class ReplaySummary:
         settings: What was asked for.
         frames: Number of frames walked.
         captured_indices: Frames that were captured, in order.
-        mean_peaked_share: Mean over the frames that have one; None when none has.
+        mean_shares: Of every share in `SHARES`, by name, the mean over the frames that have one; None
+            when none has.
         poses: How many recorded poses were corrected and how many could not be, and medians of how
             far; None where that was not tried.
         stage_ms: Median milliseconds of each stage, over the frames that went through it.
@@ -151,7 +160,7 @@ class ReplaySummary:
     settings: ReplayHeader
     frames: int
     captured_indices: tuple[int, ...]
-    mean_peaked_share: float | None
+    mean_shares: Mapping[str, float | None]
     stage_ms: Mapping[str, float]
     poses: Mapping[str, float | int | None] | None = None
 
@@ -159,6 +168,11 @@ class ReplaySummary:
     def captured(self) -> int:
         """Number of captured frames."""
         return len(self.captured_indices)
+
+    @property
+    def mean_peaked_share(self) -> float | None:
+        """Mean of the peaked share over the frames that have one; None when none has."""
+        return self.mean_shares["peaked_share"]
 
 
 def with_dropped_at(record: FrameRecord, dropped_at: Mapping[int, int]) -> FrameRecord:
@@ -170,7 +184,7 @@ def with_dropped_at(record: FrameRecord, dropped_at: Mapping[int, int]) -> Frame
 
 def summarize(settings: ReplayHeader, records: Sequence[FrameRecord]) -> ReplaySummary:
     """Put the frames together."""
-    shares = [r.peaked_share for r in records if r.peaked_share is not None]
+    shares = {name: _mean([getattr(r, name) for r in records]) for name in SHARES}
     medians = {
         stage: statistics.median(r.stage_ms[stage] for r in records if stage in r.stage_ms)
         for stage in stage_names(records)
@@ -179,10 +193,15 @@ def summarize(settings: ReplayHeader, records: Sequence[FrameRecord]) -> ReplayS
         settings=settings,
         frames=len(records),
         captured_indices=tuple(r.index for r in records if r.captured),
-        mean_peaked_share=statistics.fmean(shares) if shares else None,
+        mean_shares=shares,
         stage_ms=medians,
         poses=_poses([r.correction for r in records if r.correction is not None]),
     )
+
+
+def _mean(shares: Sequence[float | None]) -> float | None:
+    known = [share for share in shares if share is not None]
+    return statistics.fmean(known) if known else None
 
 
 def _poses(
@@ -216,7 +235,7 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
     corrected = any(record.correction is not None for record in records)
     heads = [
         *("index", "name", "timestamp_s", "captured", "dropped_at", "reason"),
-        *("peaked_share", "missing_share", "mean_error", "nearest_distance_m"),
+        *(*SHARES, "mean_error", "nearest_distance_m"),
         *("position_x_m", "position_y_m", "position_z_m"),
         *("forward_x", "forward_y", "forward_z", "up_x", "up_y", "up_z"),
         *(CORRECTION_COLUMNS if corrected else ()),
@@ -227,7 +246,7 @@ def write_frames_csv(path: Path, records: Sequence[FrameRecord]) -> None:
             *(r.index, r.name, "" if r.timestamp_s is None else float(r.timestamp_s)),
             *("true" if r.captured else "false", "" if r.dropped_at is None else r.dropped_at),
             r.reason,
-            *(_cell(r.peaked_share), _cell(r.missing_share)),
+            *(_cell(getattr(r, share)) for share in SHARES),
             *(_cell(r.mean_error), _cell(r.nearest_distance_m)),
             *(_cell(float(x)) for x in (*r.position_m, *r.forward, *r.up)),
             *(_correction_cells(r.correction) if corrected else ()),
@@ -273,7 +292,7 @@ def write_summary(path: Path, summary: ReplaySummary) -> None:
         "frames": summary.frames,
         "captured": summary.captured,
         "captured_indices": list(summary.captured_indices),
-        "mean_peaked_share": summary.mean_peaked_share,
+        **{f"mean_{name}": share for name, share in summary.mean_shares.items()},
         **({} if summary.poses is None else {"poses": plain(summary.poses)}),
         "stage_ms": {stage: round(ms, 3) for stage, ms in summary.stage_ms.items()},
     }

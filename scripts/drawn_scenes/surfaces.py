@@ -1,4 +1,4 @@
-"""Surfaces of the desk scene: wood, cloth, paper on the wall, pottery, leaves.
+"""Surfaces of drawn scenes: wood, cloth, paper on the wall, pottery, leaves.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
 Nothing is downloaded, so the scene is our own work.
@@ -9,7 +9,7 @@ import itertools
 import cv2
 import numpy as np
 
-from desk_scene.drawing import INK, fractal, phrase, shaded, smooth_noise, to_uint8, write_text
+from drawn_scenes.drawing import INK, fractal, phrase, shaded, smooth_noise, to_uint8, write_text
 
 
 def wood(

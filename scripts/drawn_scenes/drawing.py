@@ -1,4 +1,4 @@
-"""What the desk scene's pictures are drawn with: noise, colours and text.
+"""What the pictures of drawn scenes are drawn with: noise, colours and text.
 
 Pictures are sRGB, `height width 3`. Randomness comes from the generator handed in.
 """

@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from desk_scene import drawing, prints, surfaces
-from desk_scene.mesh import MeshParts, Pose, Rect
-from desk_scene.model import (
+from drawn_scenes import drawing, prints, surfaces
+from drawn_scenes.desk_room import DESK_TOP_M, GLASS, MIRROR
+from drawn_scenes.mesh import MeshParts, Pose, Rect
+from drawn_scenes.parts import (
     BOOKS_IN_ATLAS,
-    DESK_TOP_M,
-    GLASS,
-    MIRROR,
     book,
     book_row,
     bush,

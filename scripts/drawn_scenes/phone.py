@@ -1,4 +1,4 @@
-"""How a phone moves past the desk, and what its depth sensor makes of it."""
+"""A phone: how a hand trembles, and what the depth sensor makes of a scene."""
 
 import cv2
 import numpy as np
@@ -8,40 +8,7 @@ DEPTH_SIZE_PX = (74, 160)
 DISPARITY_STEP_PER_M = 0.001
 
 
-def world_from_cam(frame: int, seed: int) -> np.ndarray:
-    """The 4x4 camera-to-world pose of a frame, OpenGL camera axes, metres.
-
-    Two lateral sweeps there and back (0.30 m to each side, 1.5 cm a step), the first high and the
-    second low, with slow changes of aim and the tremor of a hand (about 1 mm and 0.15 degrees).
-    """
-    turn = 2 * np.pi * frame / 80.0
-    sweep = np.arcsin(0.94 * np.sin(turn - np.pi / 2)) / np.arcsin(0.94)
-    slow = 2 * np.pi * frame / 150.0
-    tremor = _tremor(frame, seed)
-    at_m = np.array(
-        (0.30 * sweep, -0.015 + 0.07 * np.sin(1.3 * slow + 0.4), 1.19 + 0.11 * np.cos(slow - 0.5))
-    )
-    at_m += 0.001 * tremor[:3]
-    aim_m = np.array(
-        (
-            0.08 + 0.10 * sweep + 0.05 * np.sin(2.3 * slow),
-            1.4,
-            1.0 + 0.05 * np.sin(1.7 * slow + 1.0),
-        )
-    )
-    forward = aim_m - at_m
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    level = np.stack([right, np.cross(right, forward), -forward], axis=1)
-    angles = np.radians(0.15 * tremor[3:] + (0.0, 0.0, 1.3 * np.sin(1.9 * slow + 2.0)))
-    pose = np.eye(4)
-    pose[:3, :3] = level @ cv2.Rodrigues(angles)[0]
-    pose[:3, 3] = at_m
-    return pose
-
-
-def _tremor(frame: int, seed: int) -> np.ndarray:
+def tremor(frame: float, seed: int) -> np.ndarray:
     """Six smooth signals of deviation about 1: sums of sines of 1 to 4 Hz at 15 frames a second."""
     rng = np.random.default_rng((seed, 77))
     hertz, phase = rng.uniform(1.0, 4.0, (6, 5)), rng.uniform(0, 2 * np.pi, (6, 5))

@@ -1,4 +1,4 @@
-"""Triangle meshes of the desk scene: boxes, turned shapes, tubes and leaves.
+"""Triangle meshes of drawn scenes: boxes, turned shapes, tubes and leaves.
 
 Texture coordinates have their origin at the picture's top left, v down. A `Rect` is a part of a
 texture: u0, v0, u1, v1. World axes: +Z up, metres.

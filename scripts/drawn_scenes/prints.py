@@ -1,4 +1,4 @@
-"""Printed things of the desk scene: pages, posters, book spines, keys, what a screen shows.
+"""Printed things of drawn scenes: pages, posters, book spines, keys, what a screen shows.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
 Nothing is downloaded, so the scene is our own work.
@@ -7,7 +7,7 @@ Nothing is downloaded, so the scene is our own work.
 import cv2
 import numpy as np
 
-from desk_scene.drawing import (
+from drawn_scenes.drawing import (
     INK,
     PALETTE,
     WORDS,

@@ -1,0 +1,42 @@
+"""Render the scene `scenes/room`: a living room, photographed all around, with exact geometry.
+
+What it needs, `--only` and `--seed` are described in `make_desk_scene.py`.
+
+    python scripts/make_room_scene.py --out build/room    # then put it in place of scenes/room
+"""
+
+from drawn_scenes import furniture, living_room, room_paths
+from drawn_scenes.recording import Files, make_recording, parser
+from drawn_scenes.rendering import DrawnScene, build_model
+
+PARTS = (
+    living_room.shell,
+    living_room.window,
+    living_room.pictures,
+    living_room.wall_mirror,
+    furniture.black_bookshelf,
+    furniture.television,
+    furniture.sofa,
+    furniture.sideboard,
+    furniture.round_table,
+    furniture.armchair,
+    furniture.lantern_and_plants,
+    furniture.beach_ball,
+)
+PHOTOGRAPHS = Files(quality=73, exact_size_px=(147, 320), marks_overexposed=True)
+
+
+def main() -> None:
+    """Render what was asked for."""
+    options = parser(__doc__, seed=23).parse_args()
+    scene = DrawnScene(
+        build_model(living_room.lights(), PARTS, options.seed),
+        mirrors=(living_room.MIRROR,),
+        glasses=(living_room.VASE, living_room.SPHERE),
+        moving=furniture.BALL,
+    )
+    make_recording(scene, room_paths.walk(options.seed), PHOTOGRAPHS, options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Can red be trusted? Measured where the truth is known."""
