@@ -47,7 +47,6 @@ def test_the_picture_tells_where_the_phone_is(context: BrowserContext, server: L
     until_aligned(phone)
     corrected = phone.peaked_share()
     state = tracking(phone)
-    print("red", right, corrected, state)
     assert corrected < right + 0.01
     drift_m = float(np.linalg.norm(DRIFT[:3]))
     assert abs(state["moved_m"] - drift_m) < LEFT * drift_m
