@@ -47,12 +47,13 @@ def test_two_frames_by_hand(tmp_path: Path) -> None:
     )
     write_frames_csv(tmp_path / "frames.csv", [first, second])
     assert (tmp_path / "frames.csv").read_text() == (
-        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,unseen_share,mean_error,nearest_distance_m,"
+        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,wrong_share,unseen_share,unfixable_share,"
+        "mean_error,nearest_distance_m,"
         "position_x_m,position_y_m,position_z_m,forward_x,forward_y,forward_z,up_x,up_y,up_z,"
         "ms_read,ms_render\n"
-        '0,"a, b.jpg",1700000000.123456,true,,,,,,,1.000000,-2.000000,0.500000,'
+        '0,"a, b.jpg",1700000000.123456,true,,,,,,,,,1.000000,-2.000000,0.500000,'
         "0.000000,0.000000,1.000000,0.000000,-1.000000,0.000000,1.500,\n"
-        "1,c.jpg,,false,,,0.031250,0.000000,0.250000,0.100000,1.000000,-2.000000,0.600000,"
+        "1,c.jpg,,false,,,0.031250,,0.000000,,0.250000,0.100000,1.000000,-2.000000,0.600000,"
         "0.000000,0.000000,1.000000,0.000000,-1.000000,0.000000,1.250,12.000\n"
     )
 

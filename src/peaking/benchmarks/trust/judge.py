@@ -19,6 +19,7 @@ from peaking.metric_depth import CapturedView
 from peaking.options import DEFAULT, PAPER, Options
 from peaking.pipeline import Reconstruction
 from peaking.rendering import Rendering
+from peaking.tracking import refine
 
 RuleName = Literal["ours", "paper"]
 RULES: tuple[RuleName, ...] = ("ours", "paper")
@@ -98,19 +99,26 @@ class Judge:
             told: The camera as the device reports it; the paper's rule has no other.
             depth_m: The live depth of the device, where it has a sensor.
             change: Puts a fault into the rendering.
-            corrects: Whether the method may correct the pose.
+            corrects: Whether the method may correct the pose; it does not where there is a fault,
+                which is put into the rendering of this pose.
         """
-        del depth_m, corrects  # of no use to today's method
         rendering = self.render(told)
         if change is not None:
             rendering = change(rendering)
-        ours = compare_with(self.options, rendering, live)
+        if corrects and change is None:
+            ours = self._model.compare(live, told, depth_m=depth_m).errors
+        else:
+            memory = self._model.light_field.memory
+            sight = None if memory is None else memory.look(told, depth_m)
+            unseen = None if sight is None else sight.unseen_at(*told.pinhole.size_px)
+            ours = compare_with(self.options, rendering, live, unseen=unseen)
         paper = compare_with(PAPER, rendering, live)
         return {"ours": _of_ours(ours), "paper": _of_paper(paper)}
 
     def corrected(self, live: UInt8[np.ndarray, "h w 3"], told: Camera) -> Camera | None:
         """Return where the picture was taken by the method's own judgement; None if it has none."""
-        return None
+        alignment = refine(self._model.light_field.render, told, live)
+        return alignment.camera if alignment.ok else None
 
     def paper_unseen(self, camera: Camera) -> Bool[np.ndarray, "h w"]:
         """Return what the paper's blend of three views leaves empty."""
@@ -119,9 +127,8 @@ class Judge:
 
 
 def _of_ours(errors: ErrorMap) -> Judgement:
-    unseen, unfixable = errors.missing, np.zeros_like(errors.missing)
-    score = np.where(unseen | unfixable, np.float32(0), errors.error)
-    return Judgement(score, errors.peaked & ~unseen & ~unfixable, unseen, unfixable)
+    score = np.where(errors.unseen | errors.unfixable, np.float32(0), errors.error)
+    return Judgement(score, errors.wrong, errors.unseen, errors.unfixable)
 
 
 def _of_paper(errors: ErrorMap) -> Judgement:
