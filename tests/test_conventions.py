@@ -91,7 +91,7 @@ def test_nothing_depends_on_where_up_is(tmp_path: Path) -> None:
         for frame in frames[:2]:
             scene.add_view(frame)
         errors = scene.compare(frames[2].rgb, frames[2].camera).errors
-        shares.append((errors.peaked_share, errors.missing_share))
+        shares.append((errors.peaked_share, errors.unseen_share))
     assert shares[0][1] > 0
     np.testing.assert_allclose(shares[0], shares[1], atol=A_FEW_PIXELS)
 

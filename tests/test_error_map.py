@@ -21,7 +21,9 @@ def rendering(rgba: np.ndarray) -> Rendering:
 
 
 def compare_as_paper(view: Rendering, live: np.ndarray, backend: Backend = "numba") -> ErrorMap:
-    return compare(view, live, shift_px=0, compensate_exposure=False, backend=backend)
+    return compare(
+        view, live, shift_px=0, compensate_exposure=False, marks="paper", backend=backend
+    )
 
 
 def one_pixel(r: float, g: float, b: float, alpha: float) -> Rendering:
@@ -33,7 +35,7 @@ def test_l1_over_rgb_by_hand(backend: Backend) -> None:
     live = np.array([[[51, 102, 153]]], np.uint8)  # 0.2, 0.4, 0.6
     errors = compare_as_paper(one_pixel(0.3, 0.4, 0.9, 1.0), live, backend)
     assert errors.error[0, 0] == pytest.approx(0.1 + 0.0 + 0.3, abs=1e-6)
-    assert not errors.missing[0, 0]
+    assert not errors.unseen[0, 0]
 
 
 @both
@@ -53,14 +55,14 @@ def test_half_transparent_pixels_are_compared_in_their_own_colour(backend: Backe
 
 
 @both
-def test_what_was_never_seen_is_black_and_missing(backend: Backend) -> None:
+def test_what_was_never_seen_is_black_and_unseen(backend: Backend) -> None:
     live = np.full((1, 2, 3), 128, np.uint8)
     rgba = np.array([[[0, 0, 0, 0], [0.502, 0.502, 0.502, 1]]])
     errors = compare_as_paper(rendering(rgba), live, backend)
     np.testing.assert_array_equal(errors.peaked, [[True, False]])
-    np.testing.assert_array_equal(errors.missing, [[True, False]])
+    np.testing.assert_array_equal(errors.unseen, [[True, False]])
     assert errors.error[0, 0] == pytest.approx(3 * 128 / 255, abs=1e-6)
-    assert (errors.peaked_share, errors.missing_share) == (0.5, 0.5)
+    assert (errors.peaked_share, errors.unseen_share) == (0.5, 0.5)
 
 
 @both
@@ -126,8 +128,8 @@ def test_the_fast_path_agrees(
         for backend in ("numpy", "numba")
     )
     np.testing.assert_allclose(fast.error, reference.error, atol=AGREEMENT)
-    np.testing.assert_array_equal(fast.missing, reference.missing)
-    clear = np.abs(reference.error - 0.4) > AGREEMENT
+    np.testing.assert_array_equal(fast.unseen, reference.unseen)
+    clear = (np.abs(reference.error - 0.4) > AGREEMENT) | reference.unseen
     np.testing.assert_array_equal(fast.peaked[clear], reference.peaked[clear])
 
 
@@ -148,11 +150,11 @@ def test_the_three_pictures() -> None:
     view = rendering(rgba)
     errors = compare_as_paper(view, live)
     np.testing.assert_array_equal(mpi_over_black(view), [[[10, 20, 30], [0, 0, 0], [26, 26, 26]]])
-    on_video = peaks_on_video(errors, live)
+    on_video = peaks_on_video(errors, live, marks="paper")
     np.testing.assert_array_equal(on_video, [[[10, 20, 30], ERROR_RGB, [40, 50, 60]]])
-    on_mpi = peaks_on_mpi(errors, view)
+    on_mpi = peaks_on_mpi(errors, view, live, marks="paper")
     np.testing.assert_array_equal(on_mpi, [[[10, 20, 30], ERROR_RGB, [26, 26, 26]]])
     for name, picture in {"mpi": mpi_over_black(view), "video": on_video, "peaks": on_mpi}.items():
-        drawn = draw(name, rendering=view, errors=errors, live=live)  # type: ignore[arg-type]
+        drawn = draw(name, rendering=view, errors=errors, live=live, marks="paper")  # type: ignore[arg-type]
         np.testing.assert_array_equal(drawn, picture)
     np.testing.assert_array_equal(live[0, 1], 255)

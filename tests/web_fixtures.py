@@ -7,14 +7,18 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from drawn_room import bare, disturbed, photographed, upright_stripes
+from peaking import tracking
 from peaking.datasets import open_recording
 from peaking.error_map import GAIN_STRIDE, exposure_gain
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
@@ -70,6 +74,7 @@ def fixtures() -> dict[str, bytes]:
         "view_weights.json": as_json(view_weight_cases()),
         "exposure.json": as_json(exposure_cases()),
         "guidance.json": as_json(guidance_cases()),
+        "align.json": as_json(align_cases()),
     }
 
 
@@ -226,6 +231,73 @@ def guide_answers(random: np.random.Generator, here: Camera, guide: Guide) -> di
         "next": [none_is_minus_one(next_target(guide, view, taken_by)) for view in views],
         "within_reach": [none_is_minus_one(within_reach(guide, view, taken_by)) for view in views],
     }
+
+
+def align_cases() -> dict[str, Any]:
+    """Return pictures with where they were taken, and the constants of the alignment."""
+    lens = Pinhole(60, 80, 60.0, 60.5, 30.5, 39.5)
+    here = Camera(lens, Rigid.identity())
+    rendered = photographed(here)[1]
+    hole = rendered.rgba.copy()
+    hole[20:40, 10:30] = 0.0
+    random = np.random.default_rng(17)
+    noise = np.repeat(random.integers(0, 256, (80, 60, 1), dtype=np.uint8), 3, axis=-1)
+    partly = photographed(disturbed(5, lens=lens))[0].copy()
+    partly[:20] = noise[:20]
+    tint = np.array([0.8, 0.7, 0.5])
+    dark = np.round(tint * photographed(disturbed(3, lens=lens))[0]).astype(np.uint8)
+    stripes = disturbed(4, 0.006, 0.0, lens=lens)
+    cases = [
+        *((photographed(disturbed(k, lens=lens))[0], rendered) for k in range(3)),
+        (dark, rendered),
+        (photographed(disturbed(6, lens=lens))[0], Rendering(hole, rendered.depth_m)),
+        (partly, rendered),
+        (photographed(stripes, upright_stripes)[0], photographed(here, upright_stripes)[1]),
+        (photographed(here)[0], rendered),
+        (photographed(here, bare)[0], photographed(here, bare)[1]),
+        (noise, rendered),
+        (photographed(disturbed(8, 0.25, lens=lens))[0], rendered),
+    ]
+    return {
+        "constants": {
+            name: getattr(module, name)
+            for module in (tracking, tracking.solution)
+            for name in dir(module)
+            if name.isupper() and isinstance(getattr(module, name), int | float)
+        },
+        "cases": [align_case(here, live, rendering) for live, rendering in cases],
+    }
+
+
+def align_case(here: Camera, live: np.ndarray, rendering: Rendering) -> dict[str, Any]:
+    """Return pictures as bytes (rows from the top; depth in tenths of a millimetre) and answer."""
+    rgba = np.round(255 * rendering.rgba).astype(np.uint8)
+    depth = np.round(10_000 * rendering.depth_m).astype("<u2")
+    exact = Rendering(
+        rgba.astype(np.float32) / np.float32(255), depth.astype(np.float32) / np.float32(10_000)
+    )
+    answer = tracking.align(exact, here, live, backend="numpy")
+    live_from_cam = answer.camera.world_from_cam.inverse() @ here.world_from_cam
+    opaque = np.full((*live.shape[:2], 1), 255, np.uint8)
+    return {
+        "lens": wire(here)["pinhole"],
+        "rendered": packed(rgba),
+        "depth_0_1_mm": packed(depth),
+        "live": packed(np.concatenate([live, opaque], axis=-1)),
+        "failure": answer.failure,
+        "live_from_cam": live_from_cam.matrix()[:3].ravel().tolist(),
+        "move_sd_m": answer.move_sd_m.tolist(),
+        "turn_sd_rad": answer.turn_sd_rad.tolist(),
+        "agreeing": answer.agreeing,
+        "num_pixels": answer.num_pixels,
+        "moved_m": answer.moved_m,
+        "turned_rad": answer.turned_rad,
+    }
+
+
+def packed(values: np.ndarray) -> str:
+    """Return the bytes of an array, deflated, as text."""
+    return base64.b64encode(zlib.compress(values.tobytes(), 9)).decode()
 
 
 def none_is_minus_one(index: int | None) -> int:

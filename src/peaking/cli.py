@@ -16,6 +16,7 @@ from peaking.commands import (
     bench,
     bench_generators,
     bench_live,
+    bench_trust,
     checkpoints,
     demo,
     devices,
@@ -51,6 +52,7 @@ Examples:
   peaking bench --json bench.json
   peaking bench live --json live.json
   peaking bench generators
+  peaking bench trust scenes/desk
 
 `peaking COMMAND --help` explains one command; `peaking --version` prints the version."""
 
@@ -80,6 +82,7 @@ COMMANDS: dict[str, type[Command]] = {
     "bench": bench.Bench,
     "bench live": bench_live.BenchLive,
     "bench generators": bench_generators.BenchGenerators,
+    "bench trust": bench_trust.BenchTrust,
 }
 
 
@@ -104,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words[:1] == ["--version"]:
         say(f"peaking {peaking.__version__}")
         return
-    if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"]):
+    if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"], ["trust"]):
         words[:2] = [f"bench {words[1]}"]  # these names have two words
     command: Command = tyro.cli(
         _subcommands(whole=words[:1] not in ([], ["-h"], ["--help"])),

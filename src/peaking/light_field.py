@@ -13,16 +13,18 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
 from peaking.error_map import ErrorMap, compare
 from peaking.geometry import Camera
 from peaking.hole_filling import choose_filling_views
+from peaking.memory import Memory
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Opacity, Options
 from peaking.rendering import Rendering, draw_under, render
 from peaking.rendering.blending import blend
 from peaking.timing import Stopwatch
+from peaking.tracking import Alignment
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
 
 
@@ -34,11 +36,14 @@ class Comparison:
         rendering: The scene as the views show it.
         errors: Where that differs from the live picture.
         neighbours: The views it was rendered from.
+        alignment: Of the live picture with the rendering, where that was asked for: with the camera
+            that was rendered for, if it succeeded.
     """
 
     rendering: Rendering
     errors: ErrorMap
     neighbours: tuple[Neighbour, ...]
+    alignment: Alignment | None = None
 
 
 class Scratch:
@@ -170,11 +175,14 @@ class LightField:
         options: How views are chosen, weighted, blended and compared.
         guessed: Numbers of the views whose scale is a guess; they are shown only while there is no
             other.
+        memory: What the views have seen; without it, what no view has seen is where the rendering
+            is empty.
     """
 
     mpis: Sequence[Mpi]
     options: Options = DEFAULT
     guessed: frozenset[int] = frozenset()
+    memory: Memory | None = None
 
     def choose_views(self, camera: Camera) -> tuple[Neighbour, ...]:
         """Choose the views to render a camera from, and their weights.
@@ -243,6 +251,7 @@ class LightField:
         live: UInt8[np.ndarray, "h w 3"],
         camera: Camera,
         *,
+        depth_m: Float32[np.ndarray, "dh dw"] | None = None,
         neighbours: Sequence[Neighbour] | None = None,
         scratch: Scratch | None = None,
         stopwatch: Stopwatch | None = None,
@@ -252,6 +261,7 @@ class LightField:
         Args:
             live: The picture, of the camera's size.
             camera: Where it was taken.
+            depth_m: Depth that was measured with it, of the same field of view; 0 = unknown.
             neighbours: The views to render from, else those that `choose_views` gives.
             scratch: Room to work in, else new room is taken.
             stopwatch: Takes the time of every stage.
@@ -263,15 +273,30 @@ class LightField:
             with _stage(stopwatch, "nearest"):
                 neighbours = self.choose_views(camera)
         rendering = self.render(camera, neighbours=neighbours, scratch=scratch, stopwatch=stopwatch)
+        unseen = None
+        if self.memory is not None:
+            with _stage(stopwatch, "remember"):
+                sight = self.memory.look(camera, depth_m)
+                unseen = sight.unseen_at(*camera.pinhole.size_px)
         with _stage(stopwatch, "compare"):
-            errors = compare_with(self.options, rendering, live)
+            errors = compare_with(self.options, rendering, live, unseen=unseen)
         return Comparison(rendering, errors, tuple(neighbours))
 
 
 def compare_with(
-    options: Options, rendering: Rendering, live: UInt8[np.ndarray, "h w 3"]
+    options: Options,
+    rendering: Rendering,
+    live: UInt8[np.ndarray, "h w 3"],
+    *,
+    unseen: Bool[np.ndarray, "h w"] | None = None,
 ) -> ErrorMap:
     """Compare a rendering with the live picture as the options say.
+
+    Args:
+        options: How.
+        rendering: What the views show.
+        live: The picture.
+        unseen: What no view has seen; else where the rendering is empty.
 
     Raises:
         ValueError: The sizes differ.
@@ -279,6 +304,8 @@ def compare_with(
     return compare(
         rendering,
         live,
+        unseen=unseen,
+        marks=options.marks,
         threshold=options.error_threshold,
         shift_px=options.shift_px,
         compensate_exposure=options.compensate_exposure,

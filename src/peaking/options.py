@@ -24,6 +24,7 @@ Align = Literal["paper", "robust", "off"]
 ScaleMethod = Literal["paper", "robust"]
 BlendWeights = Literal["paper", "overlap"]
 Opacity = Literal["paper", "seen"]
+Marks = Literal["paper", "apart"]
 Device = Literal["auto", "cpu", "cuda"]
 Precision = Literal["float32", "bfloat16", "float16"]
 PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
@@ -66,6 +67,10 @@ class Options:
     """Misalignment in pixels that does not count as an error, 0 or 1."""
     compensate_exposure: bool
     """Equalise the exposure of the live picture and the rendering before they are compared."""
+    marks: Marks
+    """What is marked: all whose colour differs, or what is wrong and what no view has seen, apart."""
+    align_poses: bool = False
+    """Correct the pose of a live picture by what the rendering shows, before they are compared."""
     depth_model: str | None = None
     """Estimates the depth of frames without it: a folder, or a name of the Hugging Face hub."""
     depth_runtime: DepthRuntime = "pytorch"
@@ -111,6 +116,7 @@ PAPER = Options(
     error_threshold=0.4,
     shift_px=0,
     compensate_exposure=False,
+    marks="paper",
 )
 
 DEFAULT = Options(
@@ -125,6 +131,8 @@ DEFAULT = Options(
     error_threshold=0.4,
     shift_px=1,
     compensate_exposure=True,
+    marks="apart",
+    align_poses=True,
 )
 
 PRESETS: Mapping[PresetName, Options] = {"default": DEFAULT, "paper": PAPER}

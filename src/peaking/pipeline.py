@@ -3,6 +3,7 @@
     frame ── view_builder ──► CapturedView ──► views                             add_view()
                                                 │ light_field: nearest K
     live picture + camera ──► render each, blend ──► compare ──► peaks           compare()
+              ▲ tracking: where it was really taken ──┘
 
 >>> scene = Reconstruction(PRESETS["default"])
 >>> scene.add_view(frame)                          # the shutter
@@ -12,19 +13,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from peaking.depth.estimator import DepthEstimator
 from peaking.frame import Frame
 from peaking.generators import Generator
 from peaking.geometry import Camera
 from peaking.light_field import Comparison, LightField, Scratch
+from peaking.memory import Memory
 from peaking.metric_depth import CapturedView
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Options
 from peaking.rendering import Rendering
 from peaking.timing import Stopwatch
+from peaking.tracking import refine
 from peaking.view_builder import ViewBuilder
 
 
@@ -57,13 +62,17 @@ class Reconstruction:
         self.builder = ViewBuilder(
             options, stopwatch=self._stopwatch, generator=generator, estimator=estimator
         )
+        self._memory = Memory()
         self._scratch = Scratch()
+        self._small_scratch = Scratch()
 
     @property
     def light_field(self) -> LightField:
         """The views as they are now."""
+        mpis = tuple(view.mpi for view in self.views)
         guessed = frozenset(i for i, view in enumerate(self.views) if not view.metric)
-        return LightField(tuple(view.mpi for view in self.views), self.options, guessed)
+        self._memory.follow(mpi for i, mpi in enumerate(mpis) if i not in guessed)
+        return LightField(mpis, self.options, guessed, self._memory)
 
     def prepare(self, frame: Frame) -> Frame:
         """Return the frame at the size that MPIs and renderings have here."""
@@ -106,12 +115,37 @@ class Reconstruction:
         """
         return self.light_field.render(camera, scratch=self._scratch, stopwatch=self._stopwatch)
 
-    def compare(self, live: UInt8[np.ndarray, "h w 3"], camera: Camera) -> Comparison:
+    def compare(
+        self,
+        live: UInt8[np.ndarray, "h w 3"],
+        camera: Camera,
+        *,
+        depth_m: Float32[np.ndarray, "dh dw"] | None = None,
+    ) -> Comparison:
         """Render the scene for a live picture of the working size, and compare the two.
+
+        With `align_poses`, from where the picture shows that it was taken.
+
+        Args:
+            live: The picture.
+            camera: Where the device says that it was taken.
+            depth_m: Depth that was measured with it, of the same field of view; 0 = unknown.
 
         Raises:
             ValueError: No view was captured yet, or the sizes differ.
         """
-        return self.light_field.compare(
-            live, camera, scratch=self._scratch, stopwatch=self._stopwatch
+        field, alignment = self.light_field, None
+        if self.options.align_poses:
+            blended = replace(field, options=replace(self.options, filling_views=0))
+            with self._stopwatch.stage("align"):
+                alignment = refine(
+                    lambda near: blended.render(near, scratch=self._small_scratch), camera, live
+                )
+        seen = field.compare(
+            live,
+            camera if alignment is None else alignment.camera,
+            depth_m=depth_m,
+            scratch=self._scratch,
+            stopwatch=self._stopwatch,
         )
+        return replace(seen, alignment=alignment)

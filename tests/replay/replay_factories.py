@@ -27,7 +27,7 @@ def path_record(index: int, **changes: object) -> FrameRecord:
         "captured": since == 0,
         "nearest_distance_m": None if index == 0 else 0.01 * (since or 12),
         "peaked_share": None if index == 0 else 0.0038 * (since or 12),
-        "missing_share": None if index == 0 else 0.001 * (since or 12),
+        "unseen_share": None if index == 0 else 0.001 * (since or 12),
         "mean_error": None if index == 0 else 0.1,
         "stage_ms": {"read": 2.0, "render": 10.0 + index} if index else {"read": 3.0},
     }

@@ -1,12 +1,19 @@
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from replay_factories import path_record, settings, walk
 
-from peaking.replay.records import FrameRecord, summarize, write_frames_csv, write_summary
+from peaking.replay.records import (
+    FrameRecord,
+    PoseCorrection,
+    summarize,
+    write_frames_csv,
+    write_summary,
+)
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -34,27 +41,54 @@ def test_two_frames_by_hand(tmp_path: Path) -> None:
         captured=False,
         nearest_distance_m=0.1,
         peaked_share=0.03125,
-        missing_share=0.0,
+        unseen_share=0.0,
         mean_error=0.25,
         stage_ms={"read": 1.25, "render": 12.0},
     )
     write_frames_csv(tmp_path / "frames.csv", [first, second])
     assert (tmp_path / "frames.csv").read_text() == (
-        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,missing_share,mean_error,nearest_distance_m,"
+        "index,name,timestamp_s,captured,dropped_at,reason,peaked_share,wrong_share,unseen_share,unfixable_share,"
+        "mean_error,nearest_distance_m,"
         "position_x_m,position_y_m,position_z_m,forward_x,forward_y,forward_z,up_x,up_y,up_z,"
         "ms_read,ms_render\n"
-        '0,"a, b.jpg",1700000000.123456,true,,,,,,,1.000000,-2.000000,0.500000,'
+        '0,"a, b.jpg",1700000000.123456,true,,,,,,,,,1.000000,-2.000000,0.500000,'
         "0.000000,0.000000,1.000000,0.000000,-1.000000,0.000000,1.500,\n"
-        "1,c.jpg,,false,,,0.031250,0.000000,0.250000,0.100000,1.000000,-2.000000,0.600000,"
+        "1,c.jpg,,false,,,0.031250,,0.000000,,0.250000,0.100000,1.000000,-2.000000,0.600000,"
         "0.000000,0.000000,1.000000,0.000000,-1.000000,0.000000,1.250,12.000\n"
     )
+
+
+def test_corrected_poses_stand_beside_the_recorded_ones(tmp_path: Path) -> None:
+    correction = PoseCorrection(
+        moved_m=0.006,
+        turned_rad=0.004,
+        failure=None,
+        position_m=np.array([0.006, 0.0, 0.0]),
+        forward=np.array([0.0, 0.0, 1.0]),
+        up=np.array([0.0, -1.0, 0.0]),
+    )
+    failed = replace(correction, moved_m=0.0, turned_rad=0.0, failure="too-few-pixels")
+    first, second, third = walk()[:3]
+    records = [first, replace(second, correction=correction), replace(third, correction=failed)]
+    write_frames_csv(tmp_path / "frames.csv", records)
+    rows = read_csv(tmp_path / "frames.csv")
+    assert [row["correction_m"] for row in rows] == ["", "0.006000", "0.000000"]
+    assert [row["corrected_position_x_m"] for row in rows] == ["", "0.006000", "0.006000"]
+    assert [row["correction_failure"] for row in rows] == ["", "", "too-few-pixels"]
+    assert summarize(settings(), records).poses == {
+        "corrected": 1,
+        "failed": 1,
+        "median_moved_m": 0.006,
+        "median_turned_rad": 0.004,
+    }
+    assert summarize(settings(), [first]).poses is None
 
 
 def test_the_first_frame_has_no_share_and_is_captured(tmp_path: Path) -> None:
     write_frames_csv(tmp_path / "frames.csv", walk())
     rows = read_csv(tmp_path / "frames.csv")
     assert len(rows) == 150
-    assert rows[0]["peaked_share"] == rows[0]["missing_share"] == rows[0]["mean_error"] == ""
+    assert rows[0]["peaked_share"] == rows[0]["unseen_share"] == rows[0]["mean_error"] == ""
     assert rows[0]["captured"] == "true"
     assert [float(row["peaked_share"]) for row in rows[1:3]] == [0.0038, 0.0076]
 
@@ -116,7 +150,7 @@ def test_options_that_json_has_not_become_text_or_lists(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"peaked_share": 1.5}, "peaked_share"),
-        ({"missing_share": float("nan")}, "missing_share"),
+        ({"unseen_share": float("nan")}, "missing_share"),
         ({"nearest_distance_m": -0.1}, "nearest_distance_m"),
         ({"mean_error": float("inf")}, "mean_error"),
         ({"position_m": np.array([0.0, np.nan, 0.0])}, "position_m"),

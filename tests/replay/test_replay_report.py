@@ -118,8 +118,8 @@ def test_no_frame_is_refused(tmp_path: Path) -> None:
 def test_the_curve_by_hand() -> None:
     records = [
         path_record(0),
-        path_record(1, peaked_share=0.05, missing_share=None, captured=False),
-        path_record(2, peaked_share=0.10, missing_share=None, captured=True),
+        path_record(1, peaked_share=0.05, unseen_share=None, captured=False),
+        path_record(2, peaked_share=0.10, unseen_share=None, captured=True),
     ]
     drawing = share_chart(records, (1060, 270), threshold_share=0.05)
     # x: 46 + 1000 * i / 2; y: 226 - 200 * share / 0.10.

@@ -127,6 +127,21 @@ export function compose<A, B, C>(
   return rigid(rows);
 }
 
+/** As `compose`, without making anything. @param out Written to, and returned; neither of the two. */
+export function composeInto<A, B, C>(
+  aFromB: Rigid<A, B>, bFromC: Rigid<NoInfer<B>, C>, out: Rigid<A, C>,
+): Rigid<A, C> {
+  const a = aFromB.rows;
+  const b = bFromC.rows;
+  for (let r = 0; r < 12; r += 4) {
+    for (let c = 0; c < 4; c += 1) {
+      out.rows[r + c] = (a[r] ?? NaN) * (b[c] ?? NaN) + (a[r + 1] ?? NaN) * (b[4 + c] ?? NaN)
+        + (a[r + 2] ?? NaN) * (b[8 + c] ?? NaN) + (c === 3 ? a[r + 3] ?? NaN : 0);
+    }
+  }
+  return out;
+}
+
 export function positionOf(camera: Camera): Vector3 {
   const m = camera.worldFromCam.rows;
   return [m[3] ?? NaN, m[7] ?? NaN, m[11] ?? NaN];

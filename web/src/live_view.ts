@@ -10,8 +10,11 @@ import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
-import type { LiveFrame } from './sources/frame_source';
+import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
+import { JumpNotice } from './tracking/jump_notice';
+import type { TrackingState } from './tracking/pose_correction';
+import { PoseTracker } from './tracking/pose_tracker';
 import type { Options } from './wire';
 
 /** Why the shutter does nothing now; null when it works. */
@@ -22,6 +25,10 @@ export interface LiveState {
   readonly seen: Seen | null;
   readonly hindrance: Hindrance;
   readonly camera: Camera | null;
+  /** How far the device's pose is off, as far as is known. */
+  readonly tracking: TrackingState;
+  /** That the device's world has moved, or null. */
+  readonly jumped: string | null;
 }
 
 /** Depth may be late by so many frames after tracking began before its absence is said. */
@@ -31,6 +38,7 @@ const DEPTH_PATIENCE_FRAMES = 15;
 const DEPTH_EVERY_FRAMES = 15;
 
 const MAX_RESIDENT = 12;
+const NO_RESETS: WorldResets = { followed: 0, lost: 0 };
 
 export class LiveView implements Disposable {
   readonly timeline = new Timeline();
@@ -38,9 +46,11 @@ export class LiveView implements Disposable {
   look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 
   #renderer: ViewRenderer;
+  readonly #tracker: PoseTracker;
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
   readonly #motion = new Motion();
+  readonly #jumps = new JumpNotice();
   /** The version of each view's MPI that the store was told of. */
   readonly #known = new Map<string, number>();
   #wanted: ((captureId: string) => void) | null = null;
@@ -51,7 +61,7 @@ export class LiveView implements Disposable {
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
-  readonly #state: { -readonly [K in keyof LiveState]: LiveState[K] } = { seen: null, hindrance: 'no-picture', camera: null };
+  readonly #state: { -readonly [K in keyof LiveState]: LiveState[K] };
 
   constructor(
     gl: WebGL2RenderingContext,
@@ -60,6 +70,12 @@ export class LiveView implements Disposable {
     readonly onProblem: (problem: string) => void,
   ) {
     this.#renderer = new ViewRenderer(gl, options);
+    const tracker = new PoseTracker(gl);
+    this.#tracker = tracker;
+    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null };
+    if (options.align_poses === true) {
+      this.#renderer.onRendered = (near, camera, view, live) => tracker.rendered(near, camera, view, live);
+    }
     this.store = new MpiStore(gl, {
       decoder: this.#decoder,
       maxResident: MAX_RESIDENT,
@@ -73,6 +89,11 @@ export class LiveView implements Disposable {
 
   get state(): LiveState {
     return this.#state;
+  }
+
+  /** The alignments so far, for tests and for whoever watches the device's load. */
+  get tracker(): PoseTracker {
+    return this.#tracker;
   }
 
   get frames(): number {
@@ -96,24 +117,29 @@ export class LiveView implements Disposable {
       this.#reading = true;
       void this.#take(frame, taken);
     }
+    const shown = this.#tracker.shown(frame);
     const seen = this.#reading
-      ? this.#renderer.redraw(frame, this.store, this.look, this.#state.seen)
-      : this.#renderer.draw(frame, this.store, this.look);
+      ? this.#renderer.redraw(shown, this.store, this.look, this.#state.seen)
+      : this.#renderer.draw(shown, this.store, this.look);
     for (const id of seen.viewIds) this.timeline.mark(id, 'drawn', performance.now());
     this.#state.seen = seen;
     this.#state.hindrance = this.#hindrance(frame);
     this.#state.camera = frame.camera;
+    this.#state.jumped = this.#jumps.of(
+      frame.time_ms, this.#tracker.state.jumps, frame.resets ?? NO_RESETS);
   }
 
   [Symbol.dispose](): void {
     this.#renderer[Symbol.dispose]();
+    this.#tracker[Symbol.dispose]();
     this.store[Symbol.dispose]();
   }
 
   async #take(frame: LiveFrame, taken: (captureId: string) => void): Promise<void> {
     const pressed_ms = performance.now();
     try {
-      const photo = await this.#photos.read(frame);
+      const correctedWorldFromCam = this.#tracker.suggested(frame);
+      const photo = { ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam };
       this.#reading = false;
       const read_ms = performance.now();
       const id = await this.session.shutter(photo);

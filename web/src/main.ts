@@ -13,6 +13,7 @@ import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
 import { webXrSource } from './sources/webxr';
+import type { TrackingState } from './tracking/pose_correction';
 import { Hud, type HudState } from './ui/hud';
 import { UNRESTRICTED } from './ui/hud_rules';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
@@ -24,6 +25,9 @@ export interface Inspection {
   canShoot(): boolean;
   seen(): LiveView['state']['seen'];
   views(): readonly { readonly id: string; readonly number: number | null; readonly state: string }[];
+  tracking(): TrackingState & {
+    readonly succeeded: number; readonly failed: number; readonly took_ms: number | null;
+  };
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
@@ -115,20 +119,20 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const notices = new Notices(info, api);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
-    time_ms: 0, look: live.look, peakedShare: null, views: [], restorable: [], notice: null, canShoot: false,
+    time_ms: 0, look: live.look, peakedShare: null, tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
     sessionName: '',
   };
   const onFrame = (frame: LiveFrame): void => {
     live.draw(frame);
     if (extension?.showsGuide !== false) guide?.draw(frame);
-    const { seen, hindrance, camera } = live.state;
+    const { seen, hindrance, camera, jumped } = live.state;
     const { trouble, storageProblem, name, views, restorable } = session.snapshot;
     shown.time_ms = frame.time_ms;
     shown.look = live.look;
     shown.peakedShare = seen?.peakedShare ?? null;
     shown.views = views;
     shown.restorable = restorable;
-    shown.notice = notices.of(frame.time_ms, hindrance, problem ?? storageProblem ?? trouble);
+    shown.notice = notices.of(frame.time_ms, hindrance, jumped ?? problem ?? storageProblem ?? trouble);
     shown.canShoot = hindrance === null && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;
     hud.show(shown);
@@ -255,6 +259,10 @@ function inspectionOf(
     seen: () => live.state.seen,
     views: () => session.views.map(({ id, number, state }) => ({ id, number, state })),
     timeline: () => live.timeline.all(),
+    tracking: () => ({
+      ...live.state.tracking,
+      succeeded: live.tracker.succeeded, failed: live.tracker.failed, took_ms: live.tracker.took_ms,
+    }),
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,

@@ -47,6 +47,7 @@ export interface CaptureHeader {
   readonly photo_bytes: number;
   readonly depth?: DepthLayout | null;
   readonly points?: number;
+  readonly corrected_world_from_cam?: readonly number[] | null;
 }
 
 /** One captured view, as the server holds it. */
@@ -64,6 +65,7 @@ export interface Capture {
   readonly removed?: boolean;
   readonly ending?: 'erased' | 'set_aside' | 'undone' | null;
   readonly restorable?: boolean;
+  readonly corrected_world_from_cam?: readonly number[] | null;
 }
 
 /** PATCH /api/v1/sessions/{session}/captures/{capture}: `null` brings it back. */
@@ -159,6 +161,7 @@ export interface Options {
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
+  readonly align_poses?: boolean;
   readonly depth_model?: string | null;
 }
 
@@ -295,6 +298,7 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   removed: optional(flag),
   ending: optional(nullable(oneOf('erased', 'set_aside', 'undone'))),
   restorable: optional(flag),
+  corrected_world_from_cam: optional(nullable(list(number(-100000, 100000), 12, 12))),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -342,6 +346,7 @@ export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
   error_threshold: number(),
   shift_px: integer(),
   compensate_exposure: flag,
+  align_poses: optional(flag),
   depth_model: optional(nullable(text)),
 });
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from peaking.options import DEFAULT
+from peaking.options import DEFAULT, Marks
 from peaking.rendering import Backend, Rendering
 
 MIN_ALPHA = 0.5
-"""Opacity below which a pixel counts as missing."""
+"""Opacity below which nothing was rendered at a pixel."""
 
 GAIN_STRIDE = 5
 """Every how many pixels the exposure is measured at, per axis."""
@@ -30,23 +30,41 @@ class ErrorMap:
 
     Attributes:
         error: L1 over RGB of straight colours in 0…1, so 0…3.
-        peaked: Error above the threshold.
-        missing: Nothing was rendered here (a view is missing, rather than wrong).
+        peaked: What a view from here mends. With `marks="paper"` where the error is above the
+            threshold, as in the paper; with `"apart"` what is `wrong` or `unseen`.
+        unseen: No view has seen what is here.
+        unfixable: It is wrong, and no view will help.
     """
 
     error: Float32[np.ndarray, "h w"]
     peaked: Bool[np.ndarray, "h w"]
-    missing: Bool[np.ndarray, "h w"]
+    unseen: Bool[np.ndarray, "h w"]
+    unfixable: Bool[np.ndarray, "h w"]
+
+    @property
+    def wrong(self) -> Bool[np.ndarray, "h w"]:
+        """Seen, shown wrongly, and mended by a view from here."""
+        return self.peaked & ~self.unseen & ~self.unfixable
 
     @property
     def peaked_share(self) -> float:
         """Peaked pixels divided by all pixels, 0…1."""
-        return float(np.count_nonzero(self.peaked) / self.peaked.size)
+        return _share(self.peaked)
 
     @property
-    def missing_share(self) -> float:
-        """Missing pixels divided by all pixels, 0…1."""
-        return float(np.count_nonzero(self.missing) / self.missing.size)
+    def wrong_share(self) -> float:
+        """Wrong pixels divided by all pixels, 0…1."""
+        return _share(self.wrong)
+
+    @property
+    def unseen_share(self) -> float:
+        """Pixels of what no view has seen divided by all pixels, 0…1."""
+        return _share(self.unseen)
+
+    @property
+    def unfixable_share(self) -> float:
+        """Pixels that no view will help divided by all pixels, 0…1."""
+        return _share(self.unfixable)
 
     @property
     def mean_error(self) -> float:
@@ -58,9 +76,11 @@ def compare(
     rendering: Rendering,
     live: UInt8[np.ndarray, "h w 3"],
     *,
+    unseen: Bool[np.ndarray, "h w"] | None = None,
     threshold: float = DEFAULT.error_threshold,
     shift_px: int = DEFAULT.shift_px,
     compensate_exposure: bool = DEFAULT.compensate_exposure,
+    marks: Marks = DEFAULT.marks,
     backend: Backend = "numba",
 ) -> ErrorMap:
     """Compare a rendering with the live picture of the same camera.
@@ -73,9 +93,11 @@ def compare(
     Args:
         rendering: What the captured views show.
         live: What the camera sees.
+        unseen: What no view has seen (`peaking.memory`); else where the rendering is empty.
         threshold: Error above which a pixel is peaked, t of the paper; 0…3.
         shift_px: Pixels by which the rendering may be displaced without counting as wrong; 0 or 1.
         compensate_exposure: Compare after a gain per channel that makes the medians equal.
+        marks: What counts as peaked.
         backend: Which implementation.
 
     Raises:
@@ -95,10 +117,17 @@ def compare(
         from peaking.error_map import _numpy as module
     else:
         from peaking.error_map import _numba as module
-    error, peaked, missing = module.compare(
+    error, over, empty = module.compare(
         rendering.rgba, live, gain, threshold=threshold, shift_px=shift_px, min_alpha=MIN_ALPHA
     )
-    return ErrorMap(error, peaked, missing)
+    never = empty if unseen is None else unseen
+    # Where something was seen that no view can show from here, nothing was compared.
+    peaked = over if marks == "paper" else over | never | empty
+    return ErrorMap(error, peaked, never, np.zeros_like(never))
+
+
+def _share(mask: Bool[np.ndarray, "h w"]) -> float:
+    return float(np.count_nonzero(mask) / mask.size)
 
 
 def exposure_gain(

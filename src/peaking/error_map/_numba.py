@@ -11,8 +11,8 @@ def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
     """Compare; see `peaking.error_map.compare`."""
     height, width = live.shape[:2]
     error = np.empty((height, width), np.float32)
-    peaked = np.empty((height, width), np.bool_)
-    missing = np.empty((height, width), np.bool_)
+    over = np.empty((height, width), np.bool_)
+    empty = np.empty((height, width), np.bool_)
     kernel = _compare_shifted if shift_px else _compare
     kernel(
         rgba,
@@ -21,10 +21,10 @@ def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
         np.float32(threshold),
         np.float32(min_alpha),
         error,
-        peaked,
-        missing,
+        over,
+        empty,
     )
-    return error, peaked, missing
+    return error, over, empty
 
 
 @nb.njit(cache=True, fastmath=True, inline="always")
@@ -33,7 +33,7 @@ def _rendered(rgba, y, x, c, gain, norm):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare(rgba, live, gain, threshold, min_alpha, error, peaked, missing):
+def _compare(rgba, live, gain, threshold, min_alpha, error, over, empty):
     height, width = error.shape
     unit = np.float32(1.0 / 255.0)
     for y in nb.prange(height):
@@ -46,8 +46,8 @@ def _compare(rgba, live, gain, threshold, min_alpha, error, peaked, missing):
                     _rendered(rgba, y, x, c, gain, norm) - np.float32(live[y, x, c]) * unit
                 )
             error[y, x] = total
-            peaked[y, x] = total > threshold
-            missing[y, x] = alpha < min_alpha
+            over[y, x] = total > threshold
+            empty[y, x] = alpha < min_alpha
 
 
 @nb.njit(cache=True, fastmath=True, inline="always")
@@ -65,7 +65,7 @@ def _prepare_row(rgba, y, gain, row):
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare_shifted(rgba, live, gain, threshold, min_alpha, error, peaked, missing):
+def _compare_shifted(rgba, live, gain, threshold, min_alpha, error, over, empty):
     """Bands of rows, each with a ring of three prepared rows, so every row is prepared once."""
     height, width = error.shape
     unit = np.float32(1.0 / 255.0)
@@ -96,5 +96,5 @@ def _compare_shifted(rgba, live, gain, threshold, min_alpha, error, peaked, miss
                         best[x] = min(best[x], total)
             for x in range(width):
                 error[y, x] = best[x]
-                peaked[y, x] = best[x] > threshold
-                missing[y, x] = rgba[y, x, 3] < min_alpha
+                over[y, x] = best[x] > threshold
+                empty[y, x] = rgba[y, x, 3] < min_alpha

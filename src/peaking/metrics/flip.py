@@ -78,6 +78,21 @@ def flip_mean(
 ) -> float:
     """Return the mean of the FLIP map: 0 for equal pictures, at most 1; less is better.
 
+    Raises:
+        ValueError: The sizes differ, or `pixels_per_degree` is not positive.
+    """
+    shown = flip_map(image, reference, pixels_per_degree=pixels_per_degree)
+    return float(shown.mean(dtype=np.float64))
+
+
+def flip_map(
+    image: Float32[np.ndarray, "h w 3"],
+    reference: Float32[np.ndarray, "h w 3"],
+    *,
+    pixels_per_degree: float = PIXELS_PER_DEGREE,
+) -> Float32[np.ndarray, "h w"]:
+    """Return how different each pixel looks: 0 for equal pictures, at most 1.
+
     Colours are encoded (sRGB) values in 0…1; what lies outside is clipped. Outside the picture
     its rim is continued. Symmetric in the two pictures.
 
@@ -99,7 +114,7 @@ def flip_mean(
     colour = _colour_difference(lab, lab_of_reference)
     # colour^(1 - feature), and 0 where the colours are equal, whatever the features.
     flip = cv2.exp(cv2.log(np.maximum(colour, TINY)) * (1 - feature))
-    return float((flip * (colour > 0)).mean(dtype=np.float64))
+    return (flip * (colour > 0)).astype(np.float32, copy=False)
 
 
 def _seen(

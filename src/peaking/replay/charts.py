@@ -92,11 +92,9 @@ def share_chart(
         parts.append(f'<path class="area" d="{area}"/>')
         parts.append(f'<path class="area-above" clip-path="url(#{clip})" d="{area}"/>')
         parts.append(f'<path class="curve" d="{line}"/>')
-        missing = [
-            (x_px(r.index), y_px(r.missing_share)) for r in run if r.missing_share is not None
-        ]
-        if missing:
-            parts.append(f'<path class="missing" d="{_polyline(missing)}"/>')
+        unseen = [(x_px(r.index), y_px(r.unseen_share)) for r in run if r.unseen_share is not None]
+        if unseen:
+            parts.append(f'<path class="unseen" d="{_polyline(unseen)}"/>')
     parts.append(
         f'<line class="threshold" x1="{left}" x2="{right}" '
         f'y1="{threshold_y:.1f}" y2="{threshold_y:.1f}"/>'

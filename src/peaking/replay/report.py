@@ -148,12 +148,13 @@ def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> st
         ),
         ('<g class="shutter"><path d="M8 2h10l-5 9z"/></g>', "captured"),
     ]
-    if any(r.missing_share is not None for r in records):
-        entries.append(('<path class="missing" d="M0 7H26"/>', "missing (in no captured view)"))
+    if any(r.unseen_share is not None for r in records):
+        entries.append(('<path class="unseen" d="M0 7H26"/>', "never seen (in no captured view)"))
     return (
         "<section><h2>Peaked share over the frames</h2>"
-        '<p class="note">Part of the picture shown red, before a capture. Until the first view '
-        "is captured there is nothing to compare with.</p>"
+        '<p class="note">Part of the picture that a view from there mends, before a capture: what is '
+        "shown wrongly (red), and what no view has seen (hatched). Until the first view is captured "
+        "there is nothing to compare with.</p>"
         f"{both_sizes(wide, narrow)}{legend(entries)}</section>\n"
     )
 

@@ -21,7 +21,7 @@ from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.light_field import Comparison
 from peaking.mpi import Mpi
-from peaking.options import Options
+from peaking.options import Marks, Options
 from peaking.output import complete_or_absent
 from peaking.overlay import Overlay, draw, mpi_over_black
 from peaking.pipeline import Reconstruction
@@ -29,6 +29,7 @@ from peaking.replay.guided import GuidedWalk, GuideOptions, guided_walk
 from peaking.replay.overlay_video import OverlayVideo, Panels
 from peaking.replay.records import (
     FrameRecord,
+    PoseCorrection,
     ReplayHeader,
     ReplaySummary,
     summarize,
@@ -43,6 +44,7 @@ from peaking.selection.policy import Chosen, Decision, Policy
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
 from peaking.timing import Stopwatch
+from peaking.tracking import Alignment
 
 FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 """Wraps the frame numbers to show how far the walk is, such as `tqdm`."""
@@ -129,7 +131,9 @@ class Walk:
                 frame = self._options.recording.read(index)
             with self._stopwatch.stage("resize"):
                 small = self._scene.prepare(frame)
-            seen = self._scene.compare(small.rgb, small.camera) if self._views else None
+            seen = None
+            if self._views:
+                seen = self._scene.compare(small.rgb, small.camera, depth_m=frame.depth_m)
             decision = self._policy.observe(
                 ReplayCandidate(index, frame, small.camera, self._scene, tuple(self._views), seen)
             )
@@ -211,9 +215,26 @@ def _record(
         reason=decision.reason,
         nearest_distance_m=min(n.distance_m for n in seen.neighbours) if seen else None,
         peaked_share=seen.errors.peaked_share if seen else None,
-        missing_share=seen.errors.missing_share if seen else None,
+        wrong_share=seen.errors.wrong_share if seen else None,
+        unseen_share=seen.errors.unseen_share if seen else None,
+        unfixable_share=seen.errors.unfixable_share if seen else None,
         mean_error=seen.errors.mean_error if seen else None,
+        correction=None if seen is None else _correction(seen.alignment),
         stage_ms=stage_ms,
+    )
+
+
+def _correction(alignment: Alignment | None) -> PoseCorrection | None:
+    if alignment is None:
+        return None
+    rotation = alignment.camera.world_from_cam.rotation
+    return PoseCorrection(
+        moved_m=alignment.moved_m,
+        turned_rad=alignment.turned_rad,
+        failure=alignment.failure,
+        position_m=alignment.camera.position_m,
+        forward=rotation[:, 2],
+        up=-rotation[:, 1],
     )
 
 
@@ -237,7 +258,7 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
         with contextlib.ExitStack() as stack:
             video: tuple[OverlayVideo, VideoWriter] | None = None
             for walked in walk.frames(progress=progress):
-                panels = _panels(walked, options.overlay)
+                panels = _panels(walked, options.overlay, options.method.marks)
                 size_px = walked.frame.camera.pinhole.size_px
                 if options.with_video:
                     if video is None:
@@ -318,11 +339,11 @@ def _policy(options: ReplayOptions, guided: GuidedWalk | None) -> Policy:
         return create_policy(options.selection, options.method, path=recorded.path(usable))
 
 
-def _panels(walked: WalkedFrame, overlay: Overlay) -> Panels:
+def _panels(walked: WalkedFrame, overlay: Overlay, marks: Marks) -> Panels:
     live = walked.frame.rgb
     if walked.seen is None:
         black = np.zeros_like(live)
         return Panels(live, black, black)
     rendering, errors = walked.seen.rendering, walked.seen.errors
-    third = draw(overlay, rendering=rendering, errors=errors, live=live)
+    third = draw(overlay, rendering=rendering, errors=errors, live=live, marks=marks)
     return Panels(live, mpi_over_black(rendering), third)

@@ -53,8 +53,7 @@ def frame_json(capture: wire.Capture, files: Collection[str]) -> str:
 
 def _frame(capture: wire.Capture) -> dict[str, object]:
     k = capture.camera.pinhole
-    matrix = np.eye(4)
-    matrix[:3] = np.array(capture.camera.world_from_cam).reshape(3, 4)
+    corrected = capture.corrected_world_from_cam
     return {
         "file_path": photo_name(capture.number),
         "w": k.width_px,
@@ -63,10 +62,17 @@ def _frame(capture: wire.Capture) -> dict[str, object]:
         "fl_y": k.fy_px,
         "cx": k.cx_px,
         "cy": k.cy_px,
-        "transform_matrix": (matrix @ OPENCV_FROM_OPENGL).tolist(),
+        "transform_matrix": _matrix_opengl(capture.camera.world_from_cam),
+        **({} if corrected is None else {"corrected_transform_matrix": _matrix_opengl(corrected)}),
         "timestamp": capture.time_s,
         "capture_id": capture.id,
     }
+
+
+def _matrix_opengl(world_from_cam: wire.Pose) -> list[list[float]]:
+    matrix = np.eye(4)
+    matrix[:3] = np.array(world_from_cam).reshape(3, 4)
+    return (matrix @ OPENCV_FROM_OPENGL).tolist()
 
 
 class _Outbox(io.RawIOBase):

@@ -273,6 +273,7 @@ class OpenSession:
                 time_s=header.time_s,
                 depth=upload.depth_mm is not None,
                 points=upload.points_m is not None,
+                corrected_world_from_cam=header.corrected_world_from_cam,
             )
             files = {photo_name(number): upload.photo}
             if upload.depth_mm is not None:

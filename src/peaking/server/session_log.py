@@ -51,6 +51,8 @@ class CaptureStored(Event, frozen=True, tag="CaptureStored"):
     time_s: float
     depth: bool
     points: bool = False
+    corrected_world_from_cam: wire.Pose | None = None
+    """Where the phone found that the photo was taken, beside what it says in `camera`."""
 
 
 class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):

@@ -10,7 +10,7 @@ from peaking.errors import PeakingError
 from peaking.options import GeneratorName
 from peaking.server import session_log, wire
 from peaking.server.dataset import depth_name, photo_name, points_name
-from peaking.server.upload import camera_of_wire
+from peaking.server.upload import camera_of_wire, pose_of_wire
 
 FAST: GeneratorName = "layered"
 """The generator whose MPIs are made at once; of one that a log does not name, too."""
@@ -99,6 +99,8 @@ class SessionState:
         if isinstance(event, session_log.CaptureStored):
             msgspec.convert(event.id, wire.Id)
             camera_of_wire(event.camera)
+            if event.corrected_world_from_cam is not None:
+                pose_of_wire(event.corrected_world_from_cam, name="corrected_world_from_cam")
             if event.id in self.captures:
                 raise ValueError(f"there are two captures of id {event.id}")
             if not 1 <= event.number <= MAX_NUMBER:
@@ -126,6 +128,7 @@ class SessionState:
                     camera=event.camera,
                     time_s=event.time_s,
                     state="queued",
+                    corrected_world_from_cam=event.corrected_world_from_cam,
                 )
                 sent = ((photo_name, True), (depth_name, event.depth), (points_name, event.points))
                 self._files[event.id] = [name_of(event.number) for name_of, there in sent if there]

@@ -83,6 +83,8 @@ def parse_upload(body: bytes | bytearray, *, keep_exif: bool = False) -> Upload:
     header, rest = _header(memoryview(body))
     check_protocol(header.protocol, by="phone")
     camera_of_wire(header.camera)
+    if header.corrected_world_from_cam is not None:
+        pose_of_wire(header.corrected_world_from_cam, name="corrected_world_from_cam")
     if len(rest) < header.photo_bytes:
         raise BadUpload(
             f"The upload is incomplete: photo_bytes is {header.photo_bytes}, but {len(rest)} bytes "
@@ -114,16 +116,25 @@ def camera_of_wire(camera: wire.Camera) -> Camera:
     for name, value, size in (("cx_px", k.cx_px, k.width_px), ("cy_px", k.cy_px, k.height_px)):
         if not low * size <= value <= high * size:
             raise BadUpload(f"camera.pinhole.{name} is {value}, far outside the picture.")
-    matrix = np.eye(4)
-    matrix[:3] = np.array(camera.world_from_cam).reshape(3, 4)
-    try:
-        pose = Rigid[World, Cam].from_matrix(matrix)
-    except ValueError as error:
-        raise BadUpload(f"camera.world_from_cam: {error}.") from error
+    pose = pose_of_wire(camera.world_from_cam, name="camera.world_from_cam")
     pinhole = Pinhole(
         k.width_px, k.height_px, float(k.fx_px), float(k.fy_px), float(k.cx_px), float(k.cy_px)
     )
     return Camera(pinhole, pose)
+
+
+def pose_of_wire(pose: wire.Pose, *, name: str) -> Rigid[World, Cam]:
+    """Return a pose as the stages take it; `name` is what an error calls it.
+
+    Raises:
+        BadUpload: It is not rigid.
+    """
+    matrix = np.eye(4)
+    matrix[:3] = np.array(pose).reshape(3, 4)
+    try:
+        return Rigid[World, Cam].from_matrix(matrix)
+    except ValueError as error:
+        raise BadUpload(f"{name}: {error}.") from error
 
 
 def _header(body: memoryview) -> tuple[wire.CaptureHeader, memoryview]:

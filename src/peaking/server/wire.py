@@ -124,6 +124,8 @@ class CaptureHeader(Struct, frozen=True):
     depth: DepthLayout | None = None
     points: Annotated[int, Meta(ge=0, le=MAX_POINTS)] = 0
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
+    corrected_world_from_cam: Pose | None = None
+    """Where the picture shows that it was taken, beside what the device says in `camera`."""
 
 
 class Capture(Struct, frozen=True):
@@ -150,6 +152,8 @@ class Capture(Struct, frozen=True):
     ending: Ending | None = None
     restorable: bool = False
     """Removed, and PATCH can bring it back."""
+    corrected_world_from_cam: Pose | None = None
+    """Where the phone found that it was taken; a suggestion beside `camera`."""
 
 
 class CaptureChange(Struct, frozen=True):

@@ -23,6 +23,8 @@ export interface StoredCapture {
   /** In which they were taken: goes up, over all sessions of this browser. */
   readonly order: number;
   readonly camera: Camera;
+  /** Where the picture shows that it was taken, as on the wire; earlier versions did not know. */
+  readonly correctedPose?: readonly number[] | null;
   /** Seconds since 1970. */
   readonly time_s: number;
   readonly state: StoredState;

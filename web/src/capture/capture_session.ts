@@ -144,6 +144,8 @@ export class CaptureSession implements Disposable {
       id,
       sessionId: this.id,
       camera: wireOfCamera(photo.camera),
+      correctedPose: photo.correctedWorldFromCam == null ? null
+        : Array.from(photo.correctedWorldFromCam.rows),
       time_s: photo.time_s,
       state: 'waiting',
       attempts: 0,

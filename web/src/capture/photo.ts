@@ -4,7 +4,7 @@
  * is made in a worker.
  */
 
-import { rigid, type Camera } from '../geometry';
+import { rigid, type Cam, type Camera, type Rigid, type World } from '../geometry';
 import type { DepthMap, LiveFrame } from '../sources/frame_source';
 import { WorkerPhotoEncoder, type PhotoEncoder } from './photo_encoder';
 
@@ -18,6 +18,8 @@ export interface CapturedPhoto {
   readonly depth: DepthMap | null;
   /** Seconds since 1970. */
   readonly time_s: number;
+  /** Where the picture shows that it was taken, beside what the device says; null when nobody knows. */
+  readonly correctedWorldFromCam?: Rigid<World, Cam> | null;
 }
 
 /** A sentence for the photographer: why there is no photo. */

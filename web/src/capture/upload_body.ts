@@ -6,6 +6,8 @@ import { PROTOCOL, type Camera, type CaptureHeader } from '../wire';
 export interface UploadParts {
   /** Of the photo, at its full size. */
   readonly camera: Camera;
+  /** Where the picture shows that it was taken, as on the wire. */
+  readonly correctedPose?: readonly number[] | null;
   /** Seconds since 1970. */
   readonly time_s: number;
   readonly jpeg: Blob;
@@ -17,13 +19,14 @@ export interface UploadParts {
  *
  * @throws RangeError The depth map has not as many values as it says.
  */
-export function uploadBody({ camera, time_s, jpeg, depth }: UploadParts): Blob {
+export function uploadBody({ camera, correctedPose, time_s, jpeg, depth }: UploadParts): Blob {
   const header: CaptureHeader = {
     protocol: PROTOCOL,
     camera,
     time_s,
     photo_bytes: jpeg.size,
     depth: depth === null ? null : { width_px: depth.width_px, height_px: depth.height_px },
+    ...(correctedPose == null ? {} : { corrected_world_from_cam: correctedPose }),
   };
   const json = new TextEncoder().encode(JSON.stringify(header));
   const length = new DataView(new ArrayBuffer(4));

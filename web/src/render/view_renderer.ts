@@ -7,10 +7,8 @@
  *                              └── grid ──► exposure gain  └─ settle ── display
  */
 
-import { pinholeScratch, resized, type Camera } from '../geometry';
-import { TEXTURE_COLS } from '../mpi/decode';
+import { pinholeScratch, type Camera } from '../geometry';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
-import { TILE_PX } from '../mpi/mpi_file';
 import type { LiveFrame } from '../sources/frame_source';
 import { MAX_NEIGHBOURS, SETTLING_S, type Options } from '../wire';
 import blendFragment from './blend.frag.glsl?raw';
@@ -21,12 +19,13 @@ import { exposureGain, GAIN_STRIDE } from './exposure';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
+import { drawMpi } from './mpi_quads';
 import { NearViews } from './near_views';
 import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
 import settleFragment from './settle.frag.glsl?raw';
 import shrinkFragment from './shrink.frag.glsl?raw';
-import { newProjection, project } from './projection';
+import { newProjection } from './projection';
 import type { Target } from './target';
 import { BLOCKS, Targets, type RenderedView } from './targets';
 
@@ -69,13 +68,14 @@ export class ViewRenderer implements Disposable {
   readonly #screen: WebGLVertexArrayObject;
   readonly #sampler: WebGLSampler;
   readonly #units = Int32Array.from({ length: MAX_NEIGHBOURS }, (_, i) => i);
-  readonly #projection = newProjection();
-  readonly #small = pinholeScratch();
+  readonly #quads = { small: pinholeScratch(), projection: newProjection() };
   readonly #near: NearViews;
   readonly #seen: { -readonly [K in keyof Seen]: Seen[K] };
   /** For each of `#near`, where it is rendered to. */
   readonly #places: (RenderedView | null)[] = Array.from({ length: MAX_NEIGHBOURS }, () => null);
   readonly #gain = new Float32Array([1, 1, 1]);
+  /** Hears of every rendering that is another than before, with the live picture of the same size. */
+  onRendered: ((near: NearViews, camera: Camera, view: Target, live: Target) => void) | null = null;
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
@@ -145,6 +145,7 @@ export class ViewRenderer implements Disposable {
     this.#count(targets);
     this.#measureExposure(targets);
     this.#settle(frame.time_ms, targets);
+    if (changed) this.onRendered?.(near, camera, targets.view, targets.live);
     this.#display(frame, image, targets, look, true);
     this.#seen.peakedShare = this.#peakedShare;
     this.#seen.missingShare = this.#missingShare;
@@ -274,26 +275,8 @@ export class ViewRenderer implements Disposable {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     program.use();
-    const small = resized(camera.pinhole, target.width, target.height, this.#small);
-    const { matrix, translation, targetDepth_m } = project(
-      mpi.camera, camera.worldFromCam, small, this.#projection);
-    gl.uniformMatrix3fv(program.uniform('target_from_ray'), false, matrix);
-    gl.uniform3fv(program.uniform('translation'), translation);
-    gl.uniform1f(program.uniform('target_depth'), targetDepth_m);
-    gl.uniform2f(program.uniform('target_size'), small.width_px, small.height_px);
-    const cols = TEXTURE_COLS;
-    const rows = Math.max(Math.ceil(mpi.numTiles / cols), 1);
-    gl.uniform2f(program.uniform('texture_size'), TILE_PX * cols, TILE_PX * rows);
-    gl.uniform1i(program.uniform('texture_cols'), cols);
-    gl.uniform1i(program.uniform('atlas'), 0);
     this.#bind(0, mpi.texture);
-    gl.enable(gl.BLEND);
-    gl.blendEquation(gl.FUNC_ADD);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.bindVertexArray(mpi.vertexArray);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, mpi.numTiles);
-    gl.bindVertexArray(null);
-    gl.disable(gl.BLEND);
+    drawMpi(gl, program, mpi, camera, target, this.#quads);
   }
 
   #blend(count: number, targets: Targets): void {

@@ -23,6 +23,14 @@ export interface Viewport {
   readonly height: number;
 }
 
+/** How often the device gave its world another origin. */
+export interface WorldResets {
+  /** It said where the old one lies, so poses go on as if nothing had happened. */
+  readonly followed: number;
+  /** It did not: what was captured before lies elsewhere. */
+  readonly lost: number;
+}
+
 /** One moment of the live picture. Valid only during the callback; the object is used again. */
 export interface LiveFrame {
   /** Of `performance.now()`'s clock. */
@@ -31,6 +39,8 @@ export interface LiveFrame {
   readonly camera: Camera | null;
   /** The live picture, RGBA8 without alpha, **bottom row first** as GL has it; null when there is none. */
   readonly image: WebGLTexture | null;
+  /** Since the source began; absent where it cannot happen. */
+  readonly resets?: WorldResets;
   /** Changes when the picture does; null where nobody knows, as of a camera. */
   readonly pictureId: number | null;
   /** Where to draw. */

@@ -10,9 +10,11 @@ import {
 import { depthMapOf, type DepthFormat, type RawDepth } from './depth';
 import {
   SourceError, type DepthMap, type FrameSource, type LiveFrame, type SourceKind, type Viewport,
+  type WorldResets,
 } from './frame_source';
 import { GpuDepthReader, type DepthTexture } from './gpu_depth';
 import { sessionInit } from './session_init';
+import { WorldOrigin } from './world_origin';
 
 /** Raw camera access, which the types do not know yet. */
 interface CameraView extends XRView {
@@ -65,6 +67,7 @@ async function run(
     await session.updateRenderState({ baseLayer: layer });
     const space = await session.requestReferenceSpace('local');
     using frame = new XrLiveFrame(session, layer, gl, options.pictureId ?? null);
+    space.addEventListener('reset', (event) => frame.origin.reset(event.transform?.matrix ?? null));
     await new Promise<void>((resolve, reject) => {
       session.addEventListener('end', () => resolve());
       signal.addEventListener('abort', () => void session.end().catch(() => resolve()));
@@ -135,6 +138,8 @@ class XrLiveFrame implements LiveFrame, Disposable {
   framebuffer: WebGLFramebuffer | null = null;
   viewport: Viewport = { x: 0, y: 0, width: 1, height: 1 };
 
+  readonly origin = new WorldOrigin();
+
   readonly #binding: CameraBinding;
   /** Of every frame; written anew each time. */
   readonly #pinhole = pinholeScratch();
@@ -151,6 +156,10 @@ class XrLiveFrame implements LiveFrame, Disposable {
     private readonly idOfPicture: (() => number) | null,
   ) {
     this.#binding = new XRWebGLBinding(session, gl) as unknown as CameraBinding;
+  }
+
+  get resets(): WorldResets {
+    return this.origin.resets;
   }
 
   get pictureId(): number | null {
@@ -172,6 +181,7 @@ class XrLiveFrame implements LiveFrame, Disposable {
     const { width, height } = view.camera;
     pinholeOfProjection(view.projectionMatrix, width, height, this.#pinhole);
     worldFromCamOfWebXr(view.transform.matrix, this.#worldFromCam);
+    this.origin.follow(this.#worldFromCam);
     this.camera = this.#camera;
     this.image = this.#binding.getCameraImage(view.camera);
   }

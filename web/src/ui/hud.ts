@@ -3,6 +3,7 @@
 import type { CapturedView } from '../capture/capture_session';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
+import type { TrackingState } from '../tracking/pose_correction';
 import { Coach, TASKS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import type { HudRules } from './hud_rules';
@@ -11,7 +12,7 @@ import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
 import {
   finishSheet, settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions,
 } from './sheets';
-import { viewsText } from './words';
+import { trackingText, viewsText } from './words';
 
 export interface HudActions extends SheetActions {
   shoot(): void;
@@ -24,6 +25,8 @@ export interface HudState {
   readonly time_ms: number;
   readonly look: Look;
   readonly peakedShare: number | null;
+  /** How far the device's pose is off, as far as is known. */
+  readonly tracking: TrackingState;
   readonly views: readonly CapturedView[];
   /** Undone, and can be brought back. */
   readonly restorable: readonly CapturedView[];
@@ -49,6 +52,7 @@ export class Hud {
   readonly #coach = new Coach();
   readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
   readonly #share = make('strong', {}, '–');
+  readonly #tracking = make('div', { className: 'tracking' });
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
   readonly #coachTitle = make('b');
@@ -83,7 +87,7 @@ export class Hud {
     this.#replay = replay;
     this.#notice.ariaLive = 'polite';
     const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
-      this.#graph);
+      this.#graph, this.#tracking);
     meter.title = `Share of red pixels. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
     const tools = make('div', { className: 'tools' },
       button('', '?', 'Show the introduction again', () => this.#restartCoach()),
@@ -118,6 +122,7 @@ export class Hud {
     if (state.time_ms - this.#numberAt_ms > NUMBER_EVERY_MS) {
       this.#numberAt_ms = state.time_ms;
       say(this.#share, percent(state.peakedShare));
+      say(this.#tracking, trackingText(state.tracking));
     }
     say(this.#notice, state.notice ?? '');
     show(this.#notice, state.notice !== null);

@@ -1,5 +1,14 @@
 /** Words that several pages use. */
 
+/** "tracking off by 6 mm, 0.3°"; empty while nobody knows. */
+export function trackingText({ moved_m, turned_rad }: {
+  readonly moved_m: number | null; readonly turned_rad: number | null;
+}): string {
+  if (moved_m === null || turned_rad === null) return '';
+  const degrees = (turned_rad * 180) / Math.PI;
+  return `tracking off by ${Math.round(1000 * moved_m)} mm, ${degrees.toFixed(1)}°`;
+}
+
 /** "1 view", "2 views". */
 export function viewsText(count: number): string {
   return count === 1 ? '1 view' : `${count} views`;
