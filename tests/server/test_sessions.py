@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import os
 import threading
 import zipfile
@@ -17,8 +18,10 @@ from hypothesis import strategies as st
 
 from capture_uploads import (
     SESSION_ID,
+    body_of,
     capture_id,
     depth_mm,
+    header,
     new_session,
     photo,
     points_m,
@@ -65,6 +68,29 @@ def empty_mpi() -> bytes:
 def reopened(root: Path) -> OpenSession:
     (session,) = SessionStore(root, clock=clock).sessions()
     return session
+
+
+def test_a_corrected_pose_is_kept_beside_the_devices_own(tmp_path: Path) -> None:
+    corrected = [1.0, 0, 0, 0.156, 0, 1, 0, 0.5, 0, 0, 1, 0]
+    fields = header(1, corrected_world_from_cam=corrected, depth=None)
+    begun(tmp_path).store_capture(capture_id(1), parse_upload(body_of(fields, photo(1))))
+    session = reopened(tmp_path)
+    store(session, 2)
+    session.refresh_dataset()
+    with_it, without = session.captures
+    assert with_it.corrected_world_from_cam == corrected
+    assert with_it.camera.world_from_cam != corrected
+    assert without.corrected_world_from_cam is None
+    first, second = json.loads((session.folder / "transforms.json").read_text())["frames"]
+    own, found = (
+        np.array(first[key]) for key in ("transform_matrix", "corrected_transform_matrix")
+    )
+    np.testing.assert_allclose(found[:3, 3], [0.156, 0.5, 0.0])
+    np.testing.assert_allclose(found[:3, :3], np.diag([1.0, -1.0, -1.0]))
+    assert not np.allclose(own, found)
+    assert "corrected_transform_matrix" not in second
+    recorded = open_recording(session.folder).cameras[0]
+    np.testing.assert_allclose(recorded.world_from_cam.matrix()[:3, 3], own[:3, 3])
 
 
 def test_a_capture_is_read_back_as_it_was(tmp_path: Path) -> None:

@@ -35,6 +35,22 @@ def test_a_good_upload_comes_apart() -> None:
     assert parsed.header.camera.world_from_cam[3] == pytest.approx(0.15)
 
 
+def test_a_corrected_pose_stands_beside_the_devices_own() -> None:
+    corrected = [1.0, 0, 0, 0.156, 0, 1, 0, 0, 0, 0, 1, 0]
+    fields = header(3, corrected_world_from_cam=corrected, depth=None)
+    parsed = parse_upload(body_of(fields, photo(3)))
+    assert parsed.header.corrected_world_from_cam == corrected
+    assert parsed.header.camera.world_from_cam[3] == pytest.approx(0.15)
+    assert parse_upload(upload(3)).header.corrected_world_from_cam is None
+
+
+def test_a_corrected_pose_must_be_rigid() -> None:
+    bent = [2.0, 0, 0, 0.156, 0, 1, 0, 0, 0, 0, 1, 0]
+    fields = header(3, corrected_world_from_cam=bent, depth=None)
+    with pytest.raises(BadUpload, match="corrected_world_from_cam: need a rotation"):
+        parse_upload(body_of(fields, photo(3)))
+
+
 def test_depth_may_be_missing() -> None:
     parsed = parse_upload(body_of(header(depth=None), photo()))
     assert parsed.depth_mm is None

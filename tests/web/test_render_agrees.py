@@ -22,7 +22,7 @@ from peaking.geometry import Camera, Rigid
 from peaking.mpi_file import encode
 from peaking.options import PRESETS, Options
 from peaking.pipeline import Reconstruction
-from peaking.rendering import render
+from peaking.rendering import Rendering, render
 from peaking.rendering.blending import blend
 from peaking.server.recordings import wire_of_camera
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
@@ -41,6 +41,11 @@ VIEW_WRONG = 0.0005
 """Share of the wrong pixels."""
 PEAKED_WRONG = 0.002
 """Share of pixels on which the two do not agree whether they are peaked."""
+
+DEPTH_MEAN = 0.001
+"""Mean difference of depths, as a share of them; they are added up in half floats."""
+DEPTH_WRONG = 0.005
+"""Share of the depths that are off by more than 1 %: at edges, alpha is rounded to 8 bits."""
 
 
 @pytest.fixture(scope="module")
@@ -169,9 +174,25 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[Reconstruction, Any], pre
     assert 0.005 < errors.peaked_share < 0.9  # there is something to agree on
     assert answer["peakedShare"] == pytest.approx(peaked.mean(), abs=1e-9)
     assert answer["missingShare"] == pytest.approx(errors.unseen_share, abs=0.01)
+    assert_small_pictures_agree(answer, view, live.rgb)
     red = (answer["display"][..., :3] == [1, 0, 0]).all(axis=-1)
     assert red[peaked].mean() > 0.8  # red ends softly, half a pixel around
     assert red[~peaked].mean() < 0.02
+
+
+def assert_small_pictures_agree(answer: dict[str, Any], view: Rendering, live: np.ndarray) -> None:
+    """What the alignment gets, here at the size of the view: colours, depth, live picture."""
+    width, height = answer["align_size"]
+    assert (height, width) == live.shape[:2]
+    packed = np.frombuffer(base64.b64decode(answer["align"]), np.uint8)
+    colours, depth, picture = packed.reshape(3, height, width, 4)[:, ::-1].astype(np.float64)
+    assert np.abs(colours / 255 - view.rgba).mean() < VIEW_MEAN
+    np.testing.assert_allclose(picture[..., :3], live, atol=1)
+    depth_m = (depth[..., 0] + 256 * depth[..., 1] + 65536 * depth[..., 2]) / 10_000
+    opaque = view.alpha >= 0.95
+    away = np.abs(depth_m / np.where(opaque, view.depth_m, 1.0) - 1)[opaque]
+    assert away.mean() < DEPTH_MEAN
+    assert (away > 0.01).mean() < DEPTH_WRONG
 
 
 def test_the_three_overlays_show_what_they_should(

@@ -74,7 +74,7 @@ export class LiveView implements Disposable {
     this.#tracker = tracker;
     this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null };
     if (options.align_poses === true) {
-      this.#renderer.onRendered = (near, camera, view, live) => tracker.rendered(near, camera, view, live);
+      this.#renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
     }
     this.store = new MpiStore(gl, {
       decoder: this.#decoder,

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
+from jaxtyping import UInt8
 
 from peaking import mpi_file
 from peaking.benchmarks.measure import Candidate, Result, machine, time_in_turn
@@ -15,14 +17,17 @@ from peaking.depth import complete
 from peaking.errors import RecordingError
 from peaking.frame import Frame
 from peaking.generators.layered import Layered
-from peaking.geometry import Camera
+from peaking.geometry import Cam, Camera, Rigid
 from peaking.mpi import Mpi
 from peaking.options import PRESETS, Options
 from peaking.pipeline import Reconstruction
-from peaking.rendering import render
+from peaking.rendering import Rendering, render
 from peaking.scale_alignment import align_scale
+from peaking.tracking import align
+from peaking.tracking.solution import rotation_of
 
 PAPER_SIZE_PX = (294, 639)
+ALIGN_SIZE_PX = (105, 229)
 NUM_PLANES = 32
 VIEWS_PER_SCENE = 6
 
@@ -111,6 +116,11 @@ def run(
     files = [mpi_file.encode(mpi) for mpi in mpis]
     fields = {name: _field_of_three(PRESETS[name], frames) for name in ("default", "paper")}
 
+    disturbed = [
+        _disturbed(field, sample.later)
+        for field, sample in zip(fields["default"], frames, strict=True)
+    ]
+
     def make_next(n: int) -> None:
         latest[0] = make(pick(n))
 
@@ -138,6 +148,7 @@ def run(
         Candidate("encode", lambda _: mpi_file.encode(latest[0])),
         Candidate("decode", lambda n: mpi_file.decode(files[n % len(files)])),
         Candidate("render_one", render_one),
+        Candidate("align", lambda n: align(*disturbed[n % len(disturbed)])),
         Candidate("compare_three", lambda n: _compare(fields["default"], frames, n)),
         Candidate("compare_three_paper", lambda n: _compare(fields["paper"], frames, n)),
         Candidate("replay_frame", replay_frame),
@@ -194,6 +205,22 @@ def _field_of_three(options: Options, frames: Sequence[Sample]) -> list[Reconstr
     return fields
 
 
+def _disturbed(
+    field: Reconstruction, live: Frame
+) -> tuple[Rendering, Camera, UInt8[np.ndarray, "h w 3"]]:
+    """Return what is rendered from 1 cm and half a degree away, the camera, and the live picture.
+
+    They have the size that phones align at.
+    """
+    width, height = ALIGN_SIZE_PX
+    turn = rotation_of(np.radians([0.3, -0.4, 0.0]))
+    away: Rigid[Cam, Cam] = Rigid(turn, np.array([0.006, 0.0, -0.008]))
+    exact = live.camera.resized(width, height)
+    camera = Camera(exact.pinhole, exact.world_from_cam @ away)
+    small = cv2.resize(live.rgb, ALIGN_SIZE_PX, interpolation=cv2.INTER_AREA)
+    return field.render(camera), camera, np.asarray(small, np.uint8)
+
+
 def _add_ratios(results: dict[str, Result]) -> None:
     """Say how many times faster than its peers each stage is."""
     against = {
@@ -201,6 +228,7 @@ def _add_ratios(results: dict[str, Result]) -> None:
         "layers": ("dav2_small_forward",),
         "render_one": ("torch_layer_loop",),
         "encode": ("generate",),
+        "align": ("render_one",),
         "compare_three": ("render_one", "torch_layer_loop"),
         "compare_three_paper": ("render_one", "torch_layer_loop"),
     }

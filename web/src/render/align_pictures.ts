@@ -32,9 +32,14 @@ export class AlignPictures implements Disposable {
   readonly #back: ReadBack;
   readonly #quads = { small: pinholeScratch(), projection: newProjection() };
 
-  /** @param view The size of what is rendered. */
+  /**
+   * @param view The size of what is rendered.
+   * @throws RangeError The card cannot do it; see `supportedBy`.
+   */
   constructor(gl: WebGL2RenderingContext, private readonly view: { readonly width: number; readonly height: number }) {
     this.#gl = gl;
+    // Asking for the extension is what switches it on.
+    if (!AlignPictures.supportedBy(gl)) throw new RangeError('need a card that draws into half floats');
     const scale = Math.min(1, Math.sqrt(ALIGN_PIXELS / (view.width * view.height)));
     this.width = Math.max(1, Math.round(view.width * scale));
     this.height = Math.max(1, Math.round(view.height * scale));

@@ -74,8 +74,9 @@ export class ViewRenderer implements Disposable {
   /** For each of `#near`, where it is rendered to. */
   readonly #places: (RenderedView | null)[] = Array.from({ length: MAX_NEIGHBOURS }, () => null);
   readonly #gain = new Float32Array([1, 1, 1]);
-  /** Hears of every rendering that is another than before, with the live picture of the same size. */
-  onRendered: ((near: NearViews, camera: Camera, view: Target, live: Target) => void) | null = null;
+  /** Hears of every frame what was rendered, with a number that goes up when that or the picture is new. */
+  onRendered: ((number: number, near: NearViews, camera: Camera, targets: Targets) => void) | null = null;
+  #rendered = 0;
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
@@ -145,7 +146,8 @@ export class ViewRenderer implements Disposable {
     this.#count(targets);
     this.#measureExposure(targets);
     this.#settle(frame.time_ms, targets);
-    if (changed) this.onRendered?.(near, camera, targets.view, targets.live);
+    if (changed) this.#rendered += 1;
+    this.onRendered?.(this.#rendered, near, camera, targets);
     this.#display(frame, image, targets, look, true);
     this.#seen.peakedShare = this.#peakedShare;
     this.#seen.missingShare = this.#missingShare;

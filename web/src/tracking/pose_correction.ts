@@ -28,7 +28,7 @@ const NOTHING_LEFT = 1e-5;
 /** After so long without an alignment the device is believed again. */
 const HOLD_MS = 3000;
 /** So long the last alignment says how far the device is off. */
-const FRESH_MS = 1000;
+const FRESH_MS = 1500;
 
 /** Written anew; the object is used again. */
 export interface TrackingState {
@@ -56,6 +56,11 @@ export class PoseCorrection {
   readonly #a = identity<World, Cam>();
   readonly #b = identity<World, Cam>();
   readonly #found = identity<World, World>();
+
+  /** The last alignment would be a jump, which the next one has to confirm. */
+  get asksAgain(): boolean {
+    return this.#jumpSeen;
+  }
 
   /** Where the device is in the session's world: as it says itself, but for jumps. */
   carried(device: Rigid<World, Cam>, out: Rigid<World, Cam>): Rigid<World, Cam> {
@@ -118,6 +123,11 @@ export class PoseCorrection {
     this.state.moved_m = moved_m;
     this.state.turned_rad = turned_rad;
     if (step_m > NO_NEWS_M || step_rad > NO_NEWS_RAD) this.#target.rows.set(this.#found.rows);
+  }
+
+  /** Nothing has changed since the last alignment, which is as good as new. */
+  stands(time_ms: number): void {
+    if (this.#lastFound_ms !== null) this.#lastFound_ms = time_ms;
   }
 
   #maybeJumped(time_ms: number, device: Rigid<World, Cam>, corrected: Rigid<World, Cam>): void {

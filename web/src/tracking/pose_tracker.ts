@@ -48,6 +48,11 @@ class MovedFrame implements LiveFrame {
   depth(): DepthMap | null { return this.#frame?.depth() ?? null; }
 }
 
+interface Rendered {
+  readonly view: Target;
+  readonly live: Target;
+}
+
 const NEVER: WorldResets = { followed: 0, lost: 0 };
 const NOWHERE: Viewport = { x: 0, y: 0, width: 1, height: 1 };
 
@@ -68,6 +73,9 @@ export class PoseTracker implements Disposable {
   /** What is on its way: from the card, then in the worker. */
   #busy: 'reading' | 'aligning' | null = null;
   #begun_ms = -Infinity;
+  /** The rendering that was aligned last. */
+  #aligned = -1;
+  #lastSucceeded = false;
   #spare = new ArrayBuffer(0);
   readonly #shownFrame = new MovedFrame();
   readonly #carriedFrame = new MovedFrame();
@@ -117,8 +125,14 @@ export class PoseTracker implements Disposable {
   }
 
   /** To be called for what was rendered for the frame that `shown` gave last. */
-  rendered(near: NearViews, camera: Camera, view: Target, live: Target): void {
-    if (!this.#supported || this.#busy !== null || this.#time_ms - this.#begun_ms < this.every_ms) return;
+  rendered(number: number, near: NearViews, camera: Camera, { view, live }: Rendered): void {
+    if (!this.#supported) return;
+    if (number === this.#aligned) {
+      if (this.#busy === null && this.#lastSucceeded) this.#correction.stands(this.#time_ms);
+      return;
+    }
+    if (this.#busy !== null || this.#time_ms - this.#begun_ms < this.every_ms) return;
+    this.#aligned = number;
     if (this.#pictures?.fits(view) !== true) {
       this.#pictures?.[Symbol.dispose]();
       this.#pictures = new AlignPictures(this.#gl, view);
@@ -167,7 +181,8 @@ export class PoseTracker implements Disposable {
     this.#busy = null;
     this.#spare = pictures;
     this.took_ms = took_ms;
-    if (failure !== null || Math.max(...moveSd_m) > MAX_SD_M) {
+    this.#lastSucceeded = failure === null && Math.max(...moveSd_m) <= MAX_SD_M;
+    if (!this.#lastSucceeded) {
       this.failed += 1;
       return;
     }
@@ -175,6 +190,7 @@ export class PoseTracker implements Disposable {
     this.#liveFromCam.rows.set(liveFromCam);
     inverse(this.#liveFromCam, this.#camFromLive);
     composeInto(this.#alignedRendered, this.#camFromLive, this.#corrected);
-    this.#correction.found(this.#begun_ms, this.#alignedDevice, this.#corrected);
+    this.#correction.found(this.#time_ms, this.#alignedDevice, this.#corrected);
+    if (this.#correction.asksAgain) this.#aligned = -1;
   }
 }

@@ -3,6 +3,7 @@
 import { cameraOfWire } from '../../src/geometry';
 import { MpiDecoder } from '../../src/mpi/decoder';
 import { MpiStore } from '../../src/mpi/mpi_store';
+import { AlignPictures } from '../../src/render/align_pictures';
 import type { Target } from '../../src/render/target';
 import { ViewRenderer, type Look } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
@@ -62,6 +63,13 @@ async function renderFixture(fixture: Fixture): Promise<object> {
     viewport: { x: 0, y: 0, width: width_px, height: height_px }, pictureId: null, hasDepth: () => false,
     depth: () => null,
   };
+  using pictures = new AlignPictures(gl, targetSizeOf(fixture.options, width_px, height_px));
+  let asked = false;
+  renderer.onRendered = (_, near, at, targets) => {
+    if (asked) return;
+    asked = true;
+    pictures.request(near, at, targets.view, targets.live);
+  };
   let seen = renderer.draw(frame, store, fixture.look);
   for (let i = 1; i < FRAMES || (seen.peakedShare === null && i < 20 * FRAMES); i += 1) {
     await new Promise(requestAnimationFrame);
@@ -73,13 +81,25 @@ async function renderFixture(fixture: Fixture): Promise<object> {
     gl.readPixels(0, 0, width_px, height_px, gl.RGBA, gl.UNSIGNED_BYTE, data);
     return base64Of(data);
   };
+  let align = pictures.take();
+  for (let i = 0; align === null && i < 20 * FRAMES; i += 1) {
+    await new Promise(requestAnimationFrame);
+    align = pictures.take();
+  }
   const targets = renderer.targets();
   if (targets === null) throw new Error('nothing was rendered');
   const of = (target: Target): string => pixels(target.framebuffer);
   return {
     ...seen, display: pixels(null), view: of(targets.view), result: of(targets.result),
+    align: base64Of(align ?? new Uint8Array()), align_size: [pictures.width, pictures.height],
     gl_error: gl.getError(),
   };
+}
+
+/** As the renderer has it. */
+function targetSizeOf(options: Options, width_px: number, height_px: number): { width: number; height: number } {
+  const scale = Math.sqrt(options.pixels / (width_px * height_px));
+  return { width: Math.round(width_px * scale), height: Math.round(height_px * scale) };
 }
 
 function nearest(

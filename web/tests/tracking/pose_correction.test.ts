@@ -92,14 +92,26 @@ test('after some seconds without an alignment the device is believed again, slow
   const correction = new PoseCorrection();
   const device = pose(0, 0, 0, 0);
   correction.found(0, device, pose(0.01, 0, 0, 0));
-  for (let time_ms = 0; time_ms < 1500; time_ms += 16) shownAt(correction, time_ms, device);
+  for (let time_ms = 0; time_ms < 1600; time_ms += 16) shownAt(correction, time_ms, device);
   expect(correction.state.moved_m).toBeNull();
-  expect(correction.suggested(1500, device, identity())).toBeNull();
-  expect(shownAt(correction, 1500, device).rows[3]).toBeCloseTo(0.01, 4);
+  expect(correction.suggested(1600, device, identity())).toBeNull();
+  expect(shownAt(correction, 1600, device).rows[3]).toBeCloseTo(0.01, 4);
   shownAt(correction, 3010, device);
   expect(shownAt(correction, 3026, device).rows[3]).toBeGreaterThan(0.005);
   for (let time_ms = 3026; time_ms < 4500; time_ms += 16) shownAt(correction, time_ms, device);
   expect(shownAt(correction, 4500, device).rows[3]).toBeCloseTo(0, 4);
+});
+
+test('while nothing changes, what was found stays', () => {
+  const correction = new PoseCorrection();
+  const device = pose(0, 0, 0, 0);
+  correction.found(0, device, pose(0.01, 0, 0, 0));
+  for (let time_ms = 0; time_ms < 9000; time_ms += 16) {
+    shownAt(correction, time_ms, device);
+    correction.stands(time_ms);
+  }
+  expect(correction.state.moved_m).toBeCloseTo(0.01, 9);
+  expect(shownAt(correction, 9000, device).rows[3]).toBeCloseTo(0.01, 4);
 });
 
 test('one alignment that is far off is not believed', () => {

@@ -6,7 +6,7 @@
  * differently is put over it here.
  */
 
-import { Euler, PerspectiveCamera, WebGLRenderer } from 'three';
+import { Euler, PerspectiveCamera, Quaternion, WebGLRenderer } from 'three';
 import { XRDevice, type XRDeviceConfig } from 'iwer';
 import type { FrameSource, LiveFrame } from '../frame_source';
 import type { RawDepth } from '../depth';
@@ -35,6 +35,8 @@ export interface VirtualPhone {
   setPose(worldFromCam: readonly number[]): void;
   /** Pretend that tracking is lost. */
   setTracked(tracked: boolean): void;
+  /** Let the device err: it says that it is so far from where it is, and turned about the vertical. */
+  setDrift(x_m: number, y_m: number, z_m: number, yaw_rad: number): void;
 }
 
 type Patch = Record<string, unknown>;
@@ -57,6 +59,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
   device.installRuntime({ forceInstall: true, polyfillLayers: false } as Parameters<
     typeof device.installRuntime>[0]);
   const phone = { tracked: true };
+  const drift = { x_m: 0, y_m: 0, z_m: 0, yaw_rad: 0 };
   let last_ms = 0;
 
   /** IWER asks its environment to be drawn at the beginning of every frame. */
@@ -69,8 +72,9 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
     render(now_ms: number): void {
       controls.advance(Math.min(now_ms - last_ms, 100));
       last_ms = now_ms;
-      device.position.set(pose.x_m, pose.y_m, pose.z_m);
-      const turned = camera.moveTo(pose);
+      device.position.set(pose.x_m + drift.x_m, pose.y_m + drift.y_m, pose.z_m + drift.z_m);
+      camera.moveTo(pose);
+      const turned = camera.turned(pose.pitch_rad, pose.yaw_rad + drift.yaw_rad);
       device.quaternion.set(turned.x, turned.y, turned.z, turned.w);
       const app = device.appCanvas ?? canvasIn(options.stage);
       if (app !== null && (app.width !== PICTURE_SIZE.width_px || app.height !== PICTURE_SIZE.height_px)) {
@@ -117,6 +121,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
     pose,
     setPose: (worldFromCam) => setPose(pose, worldFromCam),
     setTracked: (tracked) => { phone.tracked = tracked; },
+    setDrift: (x_m, y_m, z_m, yaw_rad) => { Object.assign(drift, { x_m, y_m, z_m, yaw_rad }); },
   };
 }
 
@@ -169,6 +174,7 @@ class DrawnCamera {
   readonly #camera = new PerspectiveCamera(
     FOV_Y_DEG, PICTURE_SIZE.width_px / PICTURE_SIZE.height_px, 0.05, 20);
   readonly #euler = new Euler(0, 0, 0, 'YXZ');
+  readonly #turned = new Quaternion();
   readonly #depth: ArcoreDepth;
   /** Where the picture was drawn from: position and quaternion. */
   readonly #drawnAt = new Float64Array(7).fill(NaN);
@@ -183,11 +189,15 @@ class DrawnCamera {
     return this.#renderer.domElement;
   }
 
-  moveTo(pose: PhonePose): { x: number; y: number; z: number; w: number } {
+  moveTo(pose: PhonePose): void {
     this.#camera.position.set(pose.x_m, pose.y_m, pose.z_m);
     this.#camera.quaternion.setFromEuler(this.#euler.set(pose.pitch_rad, pose.yaw_rad, 0));
     this.#camera.updateMatrixWorld(true);
-    return this.#camera.quaternion;
+  }
+
+  /** The turn of a phone; written anew by the next call. */
+  turned(pitch_rad: number, yaw_rad: number): { x: number; y: number; z: number; w: number } {
+    return this.#turned.setFromEuler(this.#euler.set(pitch_rad, yaw_rad, 0));
   }
 
   /** Goes up when the picture is drawn anew, which it only is when the phone has moved. */
