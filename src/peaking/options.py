@@ -63,10 +63,10 @@ class Options:
     """Further views that fill what the blended ones leave empty, at most."""
     error_threshold: float
     """L1 over RGB, 0…3, above which a pixel is red, t."""
-    shift_px: int
-    """Misalignment in pixels that does not count as an error, 0 or 1."""
+    shift_px: float
+    """Misalignment in pixels that does not count as an error, 0…1; asked both ways."""
     compensate_exposure: bool
-    """Equalise the exposure of the live picture and the rendering before they are compared."""
+    """Equalise exposure, white balance and vignette before the pictures are compared."""
     marks: Marks
     """What is marked: all whose colour differs, or what is wrong and what no view has seen, apart."""
     align_poses: bool = False
@@ -93,6 +93,8 @@ class Options:
             raise ValueError(f"need filling_views >= 0, got {self.filling_views}")
         if not 0 < self.error_threshold < 3:
             raise ValueError(f"need 0 < error_threshold < 3, got {self.error_threshold}")
+        if not 0 <= self.shift_px <= 1:
+            raise ValueError(f"need 0 <= shift_px <= 1, got {self.shift_px}")
 
     def as_dict(self) -> dict[str, object]:
         """Return the options as they are written into reports."""
@@ -114,7 +116,7 @@ PAPER = Options(
     opacity="paper",
     filling_views=0,
     error_threshold=0.4,
-    shift_px=0,
+    shift_px=0.0,
     compensate_exposure=False,
     marks="paper",
 )
@@ -128,8 +130,8 @@ DEFAULT = Options(
     blend_weights="overlap",
     opacity="seen",
     filling_views=3,
-    error_threshold=0.4,
-    shift_px=1,
+    error_threshold=0.3,
+    shift_px=0.5,
     compensate_exposure=True,
     marks="apart",
     align_poses=True,

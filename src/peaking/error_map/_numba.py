@@ -6,8 +6,11 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+BANDS = 8
+"""Rows are cut into so many bands, each with rings of three prepared rows."""
 
-def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
+
+def compare(rgba, live, gain, falloff, *, threshold, shift_px, min_alpha):
     """Compare; see `peaking.error_map.compare`."""
     height, width = live.shape[:2]
     error = np.empty((height, width), np.float32)
@@ -18,8 +21,10 @@ def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
         rgba,
         live,
         gain.astype(np.float32),
+        falloff,
         np.float32(threshold),
         np.float32(min_alpha),
+        np.float32(shift_px),
         error,
         over,
         empty,
@@ -29,11 +34,11 @@ def compare(rgba, live, gain, *, threshold, shift_px, min_alpha):
 
 @nb.njit(cache=True, fastmath=True, inline="always")
 def _rendered(rgba, y, x, c, gain, norm):
-    return min(max(rgba[y, x, c] * norm * gain[c], np.float32(0.0)), np.float32(1.0))
+    return min(max(rgba[y, x, c] * norm * gain, np.float32(0.0)), np.float32(1.0))
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare(rgba, live, gain, threshold, min_alpha, error, over, empty):
+def _compare(rgba, live, gain, falloff, threshold, min_alpha, shift, error, over, empty):
     height, width = error.shape
     unit = np.float32(1.0 / 255.0)
     for y in nb.prange(height):
@@ -42,59 +47,83 @@ def _compare(rgba, live, gain, threshold, min_alpha, error, over, empty):
             norm = np.float32(1.0) / alpha if alpha > np.float32(0.0) else np.float32(0.0)
             total = np.float32(0.0)
             for c in range(3):
-                total += abs(
-                    _rendered(rgba, y, x, c, gain, norm) - np.float32(live[y, x, c]) * unit
-                )
+                ours = _rendered(rgba, y, x, c, gain[c] * falloff[y, x], norm)
+                total += abs(ours - np.float32(live[y, x, c]) * unit)
             error[y, x] = total
             over[y, x] = total > threshold
             empty[y, x] = alpha < min_alpha
 
 
 @nb.njit(cache=True, fastmath=True, inline="always")
-def _prepare_row(rgba, y, gain, row):
-    """Write a row of compensated straight colours, its ends repeated once."""
+def _prepare_row(rgba, live, y, gain, falloff, ours, theirs):
+    """Write a row of both pictures, the rendering's compensated; their ends are repeated once."""
     width = rgba.shape[1]
+    unit = np.float32(1.0 / 255.0)
     for x in range(width):
         alpha = rgba[y, x, 3]
         norm = np.float32(1.0) / alpha if alpha > np.float32(0.0) else np.float32(0.0)
         for c in range(3):
-            row[c, x + 1] = _rendered(rgba, y, x, c, gain, norm)
+            ours[c, x + 1] = _rendered(rgba, y, x, c, gain[c] * falloff[y, x], norm)
+            theirs[c, x + 1] = np.float32(live[y, x, c]) * unit
     for c in range(3):
-        row[c, 0] = row[c, 1]
-        row[c, width + 1] = row[c, width]
+        ours[c, 0] = ours[c, 1]
+        ours[c, width + 1] = ours[c, width]
+        theirs[c, 0] = theirs[c, 1]
+        theirs[c, width + 1] = theirs[c, width]
+
+
+@nb.njit(cache=True, fastmath=True, inline="always")
+def _least(above, middle, below, still, shift, mixed, least):
+    """Write the least L1 of a row, displaced in nine ways, to the middle of another one."""
+    width = len(least)
+    keep = np.float32(1.0) - shift
+    for x in range(width):
+        least[x] = np.float32(9.0)
+    for dy in range(3):
+        other = above if dy == 0 else below
+        for c in range(3):
+            for x in range(width + 2):
+                if dy == 1:
+                    mixed[c, x] = middle[c, x]
+                else:
+                    mixed[c, x] = keep * middle[c, x] + shift * other[c, x]
+        red, green, blue = mixed[0], mixed[1], mixed[2]
+        for dx in range(-1, 2):
+            part = shift if dx != 0 else np.float32(0.0)
+            rest = np.float32(1.0) - part
+            for x in range(width):
+                total = (
+                    abs(rest * red[x + 1] + part * red[x + 1 + dx] - still[0, x + 1])
+                    + abs(rest * green[x + 1] + part * green[x + 1 + dx] - still[1, x + 1])
+                    + abs(rest * blue[x + 1] + part * blue[x + 1 + dx] - still[2, x + 1])
+                )
+                least[x] = min(least[x], total)
 
 
 @nb.njit(cache=True, fastmath=True, parallel=True)
-def _compare_shifted(rgba, live, gain, threshold, min_alpha, error, over, empty):
-    """Bands of rows, each with a ring of three prepared rows, so every row is prepared once."""
+def _compare_shifted(rgba, live, gain, falloff, threshold, min_alpha, shift, error, over, empty):
     height, width = error.shape
-    unit = np.float32(1.0 / 255.0)
-    bands = 8
-    for band in nb.prange(bands):
-        y0 = band * height // bands
-        y1 = (band + 1) * height // bands
-        ring = np.empty((3, 3, width + 2), np.float32)
-        video = np.empty((3, width), np.float32)
-        best = np.empty(width, np.float32)
+    for band in nb.prange(BANDS):
+        y0 = band * height // BANDS
+        y1 = (band + 1) * height // BANDS
+        ours = np.empty((3, 3, width + 2), np.float32)
+        theirs = np.empty((3, 3, width + 2), np.float32)
+        mixed = np.empty((3, width + 2), np.float32)
+        one = np.empty(width, np.float32)
+        other = np.empty(width, np.float32)
         for y in range(y0 - 1, y0 + 1):
-            _prepare_row(rgba, min(max(y, 0), height - 1), gain, ring[(y + 3) % 3])
+            at = (y + 3) % 3
+            row = min(max(y, 0), height - 1)
+            _prepare_row(rgba, live, row, gain, falloff, ours[at], theirs[at])
         for y in range(y0, y1):
-            _prepare_row(rgba, min(y + 1, height - 1), gain, ring[(y + 4) % 3])
+            at = (y + 4) % 3
+            row = min(y + 1, height - 1)
+            _prepare_row(rgba, live, row, gain, falloff, ours[at], theirs[at])
+            above, middle, below = (y + 2) % 3, y % 3, (y + 1) % 3
+            _least(ours[above], ours[middle], ours[below], theirs[middle], shift, mixed, one)
+            _least(theirs[above], theirs[middle], theirs[below], ours[middle], shift, mixed, other)
             for x in range(width):
-                for c in range(3):
-                    video[c, x] = np.float32(live[y, x, c]) * unit
-                best[x] = np.float32(9.0)
-            for k in range(3):
-                red, green, blue = ring[k, 0], ring[k, 1], ring[k, 2]
-                for dx in range(3):
-                    for x in range(width):
-                        total = (
-                            abs(red[x + dx] - video[0, x])
-                            + abs(green[x + dx] - video[1, x])
-                            + abs(blue[x + dx] - video[2, x])
-                        )
-                        best[x] = min(best[x], total)
-            for x in range(width):
-                error[y, x] = best[x]
-                over[y, x] = best[x] > threshold
+                worst = max(one[x], other[x])
+                error[y, x] = worst
+                over[y, x] = worst > threshold
                 empty[y, x] = rgba[y, x, 3] < min_alpha

@@ -14,6 +14,10 @@ from peaking.benchmarks.trust.steady import state_of
 
 VIEWS_OF_AREA = 8
 
+APART_M = 0.08
+"""Views of an area are at least so far apart (a turn counts, as in `stage.apart`): nobody takes
+eight pictures from one place."""
+
 MATERIALS = {1: "mirror", 2: "glass", 3: "moving", 4: "over_exposed"}
 STATES = "none", "wrong", "unseen", "unfixable"
 MENDABLE = "right", "wrong", "unseen"
@@ -26,7 +30,7 @@ MIN_PIXELS = 500
 
 
 def measure(stage: Stage) -> Iterator[dict[str, object]]:
-    """Ask at held-out frames after the 8 views nearest to each; yield the result last.
+    """Ask at held-out frames after 8 views of the area each; yield the result last, {} before it.
 
     The views come in the order of the recording, and each is compared before it is taken, as in
     live capture. Of mirror, glass, moving and over-exposed things only what truly looks wrong
@@ -39,9 +43,7 @@ def measure(stage: Stage) -> Iterator[dict[str, object]]:
         yield {"confusion": None, "recall": None, "unfixable_of_mendable": None, "paper": None}
         return
     for index in stage.close_to(stage.scene.views, 2 * stage.plan.poses):
-        here = stage.camera(index)
-        nearest = sorted(stage.scene.views, key=lambda i: apart(stage.camera(i), here))
-        numbers = tuple(sorted(nearest[:VIEWS_OF_AREA]))
+        numbers = views_of_area(stage, index)
         judge = stage.judge(numbers[:1])
         for number in numbers[1:]:
             taken = stage.frame(number)
@@ -67,6 +69,17 @@ def measure(stage: Stage) -> Iterator[dict[str, object]]:
                 counts[rule][truth] = (np.array(counts[rule][truth]) + found).tolist()
         yield {}
     yield {**_result(counts["ours"]), "paper": _result(counts["paper"])}
+
+
+def views_of_area(stage: Stage, index: int) -> tuple[int, ...]:
+    """Return the nearest views of a frame that are not from one place, in the recording's order."""
+    here = stage.camera(index)
+    chosen: list[int] = []
+    for number in sorted(stage.scene.views, key=lambda i: apart(stage.camera(i), here)):
+        away = [apart(stage.camera(number), stage.camera(other)) for other in (*chosen, index)]
+        if min(away) >= APART_M and len(chosen) < VIEWS_OF_AREA:
+            chosen.append(number)
+    return tuple(sorted(chosen or stage.scene.views[:1]))
 
 
 def _result(counts: dict[str, list[int]]) -> dict[str, object]:

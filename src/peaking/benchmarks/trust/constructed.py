@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from peaking.benchmarks.trust.judge import Change
 from peaking.benchmarks.trust.stage import COVERED, as_picture, grown, shrunk
@@ -265,5 +265,5 @@ def _truth(
     return wrong & covered, ~grown(changed > 0.01, BAND_PX) & covered
 
 
-def _as_bytes(rgb: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+def _as_bytes(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     return np.round(255 * np.clip(rgb, 0, 1)).astype(np.uint8)

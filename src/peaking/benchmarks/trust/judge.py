@@ -6,7 +6,7 @@ Whatever else in this folder asks the method, asks here.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -99,26 +99,47 @@ class Judge:
             told: The camera as the device reports it; the paper's rule has no other.
             depth_m: The live depth of the device, where it has a sensor.
             change: Puts a fault into the rendering.
-            corrects: Whether the method may correct the pose; it does not where there is a fault,
-                which is put into the rendering of this pose.
+            corrects: Whether the method may correct the pose; by the rendering without the fault.
         """
         rendering = self.render(told)
-        if change is not None:
-            rendering = change(rendering)
+        here = rendering if change is None else change(rendering)
         if corrects and change is None:
             ours = self._model.compare(live, told, depth_m=depth_m).errors
         else:
-            memory = self._model.light_field.memory
-            sight = None if memory is None else memory.look(told, depth_m)
-            unseen = None if sight is None else sight.unseen_at(*told.pinhole.size_px)
-            ours = compare_with(self.options, rendering, live, unseen=unseen)
-        paper = compare_with(PAPER, rendering, live)
-        return {"ours": _of_ours(ours), "paper": _of_paper(paper)}
+            camera = self.corrected(live, told) if corrects else None
+            ours = self._compared(live, camera or told, depth_m, change)
+        return {"ours": _of_ours(ours), "paper": _of_paper(compare_with(PAPER, here, live))}
+
+    def _compared(
+        self,
+        live: UInt8[np.ndarray, "h w 3"],
+        camera: Camera,
+        depth_m: Float32[np.ndarray, "dh dw"] | None,
+        change: Change | None,
+    ) -> ErrorMap:
+        """Compare as the method does at a pose that it takes as it is."""
+        field = self._model.light_field
+        rendering = field.render(camera)
+        if change is not None:
+            rendering = change(rendering)
+        sight = None if field.memory is None else field.memory.look(camera, depth_m)
+        unseen = None if sight is None else sight.unseen_at(*camera.pinhole.size_px)
+        return compare_with(self.options, rendering, live, unseen=unseen)
 
     def corrected(self, live: UInt8[np.ndarray, "h w 3"], told: Camera) -> Camera | None:
         """Return where the picture was taken by the method's own judgement; None if it has none."""
-        alignment = refine(self._model.light_field.render, told, live)
+        if not self.options.align_poses:
+            return None
+        blended = replace(self._model.light_field, options=replace(self.options, filling_views=0))
+        alignment = refine(blended.render, told, live)
         return alignment.camera if alignment.ok else None
+
+    def unseen(self, camera: Camera) -> Bool[np.ndarray, "h w"]:
+        """Return what the method calls never seen without a live depth."""
+        memory = self._model.light_field.memory
+        if memory is None:
+            return self.render(camera).alpha < MIN_ALPHA
+        return memory.look(camera).unseen_at(*camera.pinhole.size_px)
 
     def paper_unseen(self, camera: Camera) -> Bool[np.ndarray, "h w"]:
         """Return what the paper's blend of three views leaves empty."""

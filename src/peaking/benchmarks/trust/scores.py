@@ -111,7 +111,7 @@ def pearson(x: Sequence[float], y: Sequence[float]) -> float | None:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def ratio(part: float, whole: float) -> float | None:
+def ratio(part: int, whole: int) -> float | None:
     """Return a share, or None of nothing."""
     return part / whole if whole > 0 else None
 

@@ -23,7 +23,8 @@ SURFACES = "all", "dark", "bright"
 def measure(stage: Stage) -> Iterator[dict[str, object]]:
     """Ask at held-out frames after 5, 15 and 40 views; yield the result last, {} before it.
 
-    The paper's mark is what its blend of three views leaves empty, by its preset.
+    The device measures depth; `without_live_depth` is as if it did not. The paper's mark is what
+    its blend of three views leaves empty, by its preset.
     """
     after: dict[str, object] = {}
     papers: dict[str, object] = {}
@@ -31,6 +32,7 @@ def measure(stage: Stage) -> Iterator[dict[str, object]]:
         numbers = stage.views(count)
         judge = stage.judge(numbers)
         marks = {rule: _Groups() for rule in RULES}
+        blind = Marks()
         known_shares: list[float] = []
         unmarked = {rule: [0, 0] for rule in RULES}
         for group in dict.fromkeys(stage.scene.held_out.values()):
@@ -56,14 +58,16 @@ def measure(stage: Stage) -> Iterator[dict[str, object]]:
                     missed = ~seen & known
                     unmarked[rule][0] += int((missed & ~said[rule].marked).sum())
                     unmarked[rule][1] += int(missed.sum())
+                blind.add(judge.unseen(frame.camera), ~seen, known)
                 yield {}
-        common = {"views": len(numbers), "known_share": mean(known_shares)}
-        for rule, result in (("ours", after), ("paper", papers)):
-            result[str(count)] = {
-                **(common if rule == "ours" else {}),
-                "unmarked_share": ratio(*unmarked[rule]),
-                **marks[rule].as_dict(),
-            }
+        shares = {rule: ratio(*unmarked[rule]) for rule in RULES}
+        after[str(count)] = {
+            "known_share": mean(known_shares),
+            **marks["ours"].as_dict(),
+            "unmarked_share": shares["ours"],
+            "without_live_depth": blind.as_dict(),
+        }
+        papers[str(count)] = {**marks["paper"].as_dict(), "unmarked_share": shares["paper"]}
     yield {"after": after, "paper": {"after": papers}}
 
 

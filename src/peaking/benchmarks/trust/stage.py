@@ -60,7 +60,7 @@ class Plan:
     """
 
     poses: int = 6
-    constructed: int = 4
+    constructed: int = 3
     steps: int = 12
     frames: int = 36
 

@@ -27,6 +27,7 @@ def as_markdown(document: Mapping[str, Any]) -> str:
 def _seen(result: Mapping[str, Any]) -> Iterator[Row]:
     for count, ours in result["after"].items():
         papers = result["paper"]["after"][count]
+        yield f"seen: truly never seen, {count} views", ours["true_share"], papers["true_share"], ""
         for figure in ("precision", "recall"):
             yield (
                 f"seen: {figure} after {count} views",
@@ -34,6 +35,8 @@ def _seen(result: Mapping[str, Any]) -> Iterator[Row]:
                 papers[figure],
                 "≥ 0.95, real ≥ 0.9",
             )
+            blind = ours["without_live_depth"][figure]
+            yield f"seen: {figure} after {count} views, no live depth", blind, None, ""
             for surface in ("dark", "bright"):
                 yield (
                     f"seen: {figure} after {count} views, {surface}",
