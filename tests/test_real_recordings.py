@@ -44,8 +44,8 @@ def test_at_a_captured_view_little_is_red_and_steps_aside_more(folder: Path) -> 
 
 SAME_PLACE_M = 0.003
 SAME_PLACE_RAD = 0.002
-"""Between where two alignments end. Measured at 24 places of each of these scenes, 2026-11-30: median
-0.3 mm and 0.0002 rad, 90th percentile 0.8 mm and 0.0006 rad; here 0.5 mm and 0.0003 rad."""
+"""Between where two alignments end. Measured at 24 places of each of these scenes, 2026-11-30:
+median 0.3 mm and 0.0002 rad, 90th percentile 0.8 mm and 0.0006 rad; here 0.5 mm, 0.0003 rad."""
 
 
 @pytest.mark.parametrize("folder", HAND_HELD, ids=lambda path: path.name)
