@@ -40,6 +40,7 @@ from peaking.options import Options
 from peaking.pipeline import Reconstruction
 from peaking.rendering import Rendering
 from peaking.server.recordings import wire_of_camera
+from peaking.tracking import solution
 from peaking.view_weights import (
     Neighbour,
     nearest_by_distance,
@@ -304,7 +305,7 @@ def align_cases() -> dict[str, Any]:
     return {
         "constants": {
             name: getattr(module, name)
-            for module in (tracking, tracking.solution)
+            for module in (tracking, solution)
             for name in dir(module)
             if name.isupper() and isinstance(getattr(module, name), int | float)
         },
