@@ -72,7 +72,7 @@ def test_help_lists_every_command_with_one_line(capsys: pytest.CaptureFixture[st
 
 
 def test_commands_of_two_words_say_so_in_their_help(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("bench live", "bench generators"):
+    for name in ("bench live", "bench generators", "bench trust"):
         with pytest.raises(SystemExit) as ended:
             main([*name.split(), "--help"])
         assert ended.value.code == 0
@@ -86,7 +86,7 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_what_measures_can_write_json() -> None:
     names = ("replay", "evaluate", "quality", "bench", "bench live", "bench generators", "plan")
-    for name in (*names, "splat"):
+    for name in (*names, "splat", "bench trust"):
         command: Any = COMMANDS[name]
         assert "json" in {field.name for field in dataclasses.fields(command)}
 
@@ -289,6 +289,7 @@ def test_all_unknown_depth_says_so(
         (["bench", "{room}", "--rounds", "0"], "--rounds"),
         (["bench", "live", "{room}", "--captures", "0"], "--captures"),
         (["bench", "generators", "--rounds", "0"], "--rounds"),
+        (["bench", "trust", "{room}", "--only", "speed"], "--only"),
         (["demo", "--host", "0.0.0.0"], "loopback"),
         (["demo", "--host", "kitchen"], "kitchen"),
         (["demo", "--port", "99999"], "--port"),

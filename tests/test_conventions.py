@@ -289,7 +289,9 @@ def test_error_and_peaked_share() -> None:
     rgba[..., 3] = 1
     live = np.zeros((1, 4, 3), np.uint8)
     live[0, 0] = 255
-    errors = compare(Rendering(rgba, np.ones((1, 4), np.float32)), live, shift_px=0)
+    errors = compare(
+        Rendering(rgba, np.ones((1, 4), np.float32)), live, shift_px=0.0, marks="paper"
+    )
     assert errors.error[0, 0] == pytest.approx(3.0)
     assert errors.peaked_share == 0.25
 

@@ -68,7 +68,7 @@ class Options:
     compensate_exposure: bool
     """Equalise exposure, white balance and vignette before the pictures are compared."""
     marks: Marks
-    """What is marked: all whose colour differs, or what is wrong and what no view has seen, apart."""
+    """What is marked: all that differs in colour, or what is wrong and what was never seen."""
     align_poses: bool = False
     """Correct the pose of a live picture by what the rendering shows, before they are compared."""
     depth_model: str | None = None

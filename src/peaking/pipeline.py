@@ -137,7 +137,7 @@ class Reconstruction:
         field, alignment = self.light_field, None
         if self.options.align_poses:
             blended = replace(field, options=replace(self.options, filling_views=0))
-            with self._stopwatch.stage("align"):
+            with self._stopwatch.stage("track"):
                 alignment = refine(
                     lambda near: blended.render(near, scratch=self._small_scratch), camera, live
                 )

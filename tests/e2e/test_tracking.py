@@ -84,3 +84,23 @@ def test_a_jump_carries_the_views_along(context: BrowserContext, server: LiveSer
     assert phone.peaked_share() < before + 0.02
     phone.keep_picture("tracking-jump")
     assert phone.problems == []
+
+
+def test_a_new_origin_is_followed(context: BrowserContext, server: LiveServer) -> None:
+    """Half a metre and more, which no alignment would find."""
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.hold(moved())
+    phone.shoot_and_wait()
+    phone.hold(moved(x_m=0.03))
+    before = phone.peaked_share()
+    phone.page.evaluate("window.peaking.phone.moveOrigin(0.6, -0.2, 0.3)")
+    phone.page.get_by_text("moved along").first.wait_for()
+    phone.let_pass(6)
+    assert phone.peaked_share() < before + 0.01
+    phone.shoot_and_wait()
+    (log,) = server.sessions.glob("*/log.jsonl")
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    first, second = (event for event in events if event["type"] == "CaptureStored")
+    steps = [np.array(event["camera"]["world_from_cam"])[[3, 7, 11]] for event in (first, second)]
+    np.testing.assert_allclose(steps[1] - steps[0], [0.03, 0.0, 0.0], atol=1e-5)
+    assert phone.problems == []

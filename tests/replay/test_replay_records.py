@@ -113,7 +113,8 @@ def test_the_summary_file_begins_with_version_and_configuration(tmp_path: Path) 
     assert list(document) == [
         *("version", "preset", "options", "scene", "size_px", "fps", "threshold_share"),
         *("policy", "num_views"),
-        *("frames", "captured", "captured_indices", "mean_peaked_share", "stage_ms"),
+        *("frames", "captured", "captured_indices", "mean_peaked_share", "mean_wrong_share"),
+        *("mean_unseen_share", "mean_unfixable_share", "stage_ms"),
     ]
     assert document["version"] == "9.8.7"
     assert document["options"] == {"views": 3, "error": {"kind": "<l1>", "threshold": 0.4}}
@@ -150,7 +151,7 @@ def test_options_that_json_has_not_become_text_or_lists(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"peaked_share": 1.5}, "peaked_share"),
-        ({"unseen_share": float("nan")}, "missing_share"),
+        ({"unseen_share": float("nan")}, "unseen_share"),
         ({"nearest_distance_m": -0.1}, "nearest_distance_m"),
         ({"mean_error": float("inf")}, "mean_error"),
         ({"position_m": np.array([0.0, np.nan, 0.0])}, "position_m"),

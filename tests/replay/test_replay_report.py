@@ -127,7 +127,7 @@ def test_the_curve_by_hand() -> None:
     assert 'class="threshold" x1="46" x2="1046" y1="126.0" y2="126.0"' in drawing
     assert drawing.count('class="shutter"') == 2
     assert "M1041.0 12h10.0l-5.0 9.0z" in drawing
-    assert 'class="missing"' not in drawing
+    assert 'class="unseen"' not in drawing
 
 
 def test_long_curves_are_thinned_out_but_keep_their_peak() -> None:

@@ -54,6 +54,7 @@ def run(address: str) -> dict[str, object]:
         page.goto(f"{address}/?source=virtual", wait_until="commit")
         _until(page, "() => window.peaking?.canShoot() === true")
         begin_heap = _heap(page)
+        aligned_ms: list[float] = []
         for number in range(CAPTURES):
             angle = 2 * np.pi * number / CAPTURES
             page.evaluate("p => window.peaking.phone.setPose(p)", _pose(angle))
@@ -61,6 +62,9 @@ def run(address: str) -> dict[str, object]:
             _until(page, "() => window.peaking.canShoot() === true")
             page.keyboard.press("Space")
             _until(page, f"() => ({_DRAWN}) > {number}")
+            took_ms = page.evaluate("window.peaking.tracking().took_ms")
+            aligned_ms += [] if took_ms is None else [took_ms]
+        tracking = page.evaluate("window.peaking.tracking()")
         timeline = page.evaluate("window.peaking.timeline()")
         resident = page.evaluate("window.peaking.resident()")
         frames_ms = _frame_time_ms(page)
@@ -75,6 +79,11 @@ def run(address: str) -> dict[str, object]:
         browser.close()
     return _summary(timeline) | {
         "frame_ms_median": frames_ms,
+        "align": {
+            "worker_ms_median": round(float(np.median(aligned_ms)), 1) if aligned_ms else None,
+            "succeeded": tracking["succeeded"],
+            "failed": tracking["failed"],
+        },
         "client_bytes_per_view": round(
             resident["bytes"] / max(resident["views"], 1)
             + max(full_heap - begin_heap, 0) / CAPTURES

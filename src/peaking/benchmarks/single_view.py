@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float32, UInt8
 
 from peaking.benchmarks import baselines
 from peaking.datasets import Recording, open_recording
-from peaking.error_map import exposure_gain
+from peaking.error_map.exposure import measure_exposure
 from peaking.errors import RecordingError
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
@@ -275,8 +275,8 @@ def score_pair(
 ) -> tuple[dict[str, Score], float] | None:
     """Render the target from the source by every method; return scores and the common share.
 
-    The exposure gain is that of the error map; it is estimated once, from the splat, and applied to
-    all methods alike.
+    Exposure and vignette are those of the error map; they are estimated once, from the splat, and
+    applied to all methods alike.
 
     None when the methods have too little in common to be compared.
     """
@@ -285,7 +285,8 @@ def score_pair(
     depth_m = complete(source.depth_m, source.rgb)
     photo = target.rgb.astype(np.float32) / np.float32(255.0)
     rendered = {name: method(source, depth_m, target.camera) for name, method in methods.items()}
-    gain = exposure_gain(render_splat(source, depth_m, target.camera), target.rgb)
+    exposure = measure_exposure(render_splat(source, depth_m, target.camera), target.rgb)
+    gain = exposure.gain * exposure.factors(*target.rgb.shape[1::-1])[..., None]
     rendered = {name: _with_gain(rendering, gain) for name, rendering in rendered.items()}
     common = np.logical_and.reduce([each.alpha > COVERED for each in rendered.values()])
     if common.mean() < 0.05:
@@ -294,7 +295,7 @@ def score_pair(
     return scores, float(common.mean())
 
 
-def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "3"]) -> Rendering:
+def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "h w 3"]) -> Rendering:
     rgb = np.minimum(rendering.rgba[..., :3] * gain, rendering.rgba[..., 3:])
     return _rendering(rgb, rendering.alpha)
 

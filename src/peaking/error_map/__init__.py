@@ -81,10 +81,10 @@ def compare(
     """Compare a rendering with the live picture of the same camera.
 
     The error of a pixel is `L(c_mpi, c_vid) = Σ_rgb |c_mpi - c_vid|` (paper, section 3.2) with the
-    straight colour of the rendering, and black where nothing was rendered. With `shift_px` it is the
-    least against the rendering displaced by so much, in nine ways; and the same asked the other way
-    round, the live picture displaced; of the two the larger counts. So a misalignment is forgiven
-    that small, and what only one of the pictures has, such as a ghost's edge, is not.
+    straight colour of the rendering, and black where nothing was rendered. With `shift_px` it is
+    the least against the rendering displaced by so much, in nine ways; and the same asked the other
+    way round, the live picture displaced; of the two the larger counts. So a misalignment that
+    small is forgiven, and what only one of the pictures has, such as a ghost's edge, is not.
 
     Args:
         rendering: What the captured views show.

@@ -15,16 +15,16 @@ saw through where it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from jaxtyping import Bool, Float32, Float64, Int32, Int64
+from jaxtyping import Bool, Float32, Int32, Int64
 
-from peaking.geometry import Camera
+from peaking.geometry import Camera, Rigid, World
 from peaking.memory.cells import cells_at, centres_m, sizes_m
 from peaking.memory.depth_maps import DepthMaps
 from peaking.mpi import Mpi
@@ -52,6 +52,10 @@ CLEARLY_NEARER = 0.05
 
 STEP = 1.10
 """Neighbouring samples of live depth that differ by more than this factor tell nothing."""
+
+
+class Grid:
+    """The frame of the cells: that of the first view's camera."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ class Memory:
             backend: Which implementation looks.
         """
         self._backend: Backend = backend
-        self._anchor_m: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._world_from_grid: Rigid[World, Grid] = Rigid.identity()
         self._mpis: list[Mpi] = []
         self._own: list[Int64[np.ndarray, "own"]] = []
         self._maps = DepthMaps()
@@ -132,12 +136,12 @@ class Memory:
             from peaking.memory import _numpy as module
         else:
             from peaking.memory import _numba as module
-        cam_from_world = small.world_from_cam.inverse()
+        cam_from_grid = small.world_from_cam.inverse() @ self._world_from_grid
         depth_m, cell = module.look(
             self._centres_m,
             np.float32(REACH) * self._sizes_m,
-            cam_from_world.rotation,
-            cam_from_world.apply(self._anchor_m),
+            cam_from_grid.rotation,
+            cam_from_grid.translation_m,
             small.pinhole,
         )
         unseen = self._unseen_by_cells(depth_m, cell, small)
@@ -165,15 +169,17 @@ class Memory:
 
     def _remember(self, mpi: Mpi) -> None:
         if not self._mpis:
-            self._anchor_m = np.floor(mpi.camera.position_m)
+            here = mpi.camera.world_from_cam
+            self._world_from_grid = Rigid(here.rotation, here.translation_m)
         width, height = _smaller(mpi.camera)
         camera = mpi.camera.resized(width, height)
         disparity, alpha = source_disparity(mpi, (width, height))
         seen = (alpha > OPAQUE) & (disparity > 0)
         depth_m = np.where(seen, 1.0 / np.where(seen, disparity, 1.0), 0.0).astype(np.float32)
         measured_m = depth_m[seen].astype(np.float64)
-        points_m = camera.world_from_cam.apply(camera.pinhole.rays()[seen] * measured_m[:, None])
-        own = np.unique(cells_at(points_m - self._anchor_m, measured_m))
+        grid_from_cam = self._world_from_grid.inverse() @ camera.world_from_cam
+        points_m = grid_from_cam.apply(camera.pinhole.rays()[seen] * measured_m[:, None])
+        own = np.unique(cells_at(points_m, measured_m))
         self._mpis.append(mpi)
         self._maps.add(camera, depth_m)
         self._own.append(own)

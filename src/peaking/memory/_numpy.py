@@ -48,8 +48,8 @@ def behind(
     """Return by which part of its depth the surface here is hidden from the view it is least in.
 
     For a view that the surface is at depth z of, and that saw a surface at depth d there, that is
-    `z / d - 1`; not above 0 when the view saw it, or saw through where it is. Infinite where no view
-    has it in its picture; 0 where `live_m` is 0.
+    `z / d - 1`; not above 0 when the view saw it, or saw through where it is. Infinite where no
+    view has it in its picture; 0 where `live_m` is 0.
     """
     least = np.full(live_m.shape, np.inf)
     points_m = pinhole.rays() * live_m[..., None]

@@ -150,8 +150,8 @@ class ReplaySummary:
         settings: What was asked for.
         frames: Number of frames walked.
         captured_indices: Frames that were captured, in order.
-        mean_shares: Of every share in `SHARES`, by name, the mean over the frames that have one; None
-            when none has.
+        mean_shares: Of every share in `SHARES`, by name, the mean over the frames that have one;
+            None when none has.
         poses: How many recorded poses were corrected and how many could not be, and medians of how
             far; None where that was not tried.
         stage_ms: Median milliseconds of each stage, over the frames that went through it.

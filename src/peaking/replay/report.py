@@ -152,9 +152,9 @@ def _share_section(records: Sequence[FrameRecord], summary: ReplaySummary) -> st
         entries.append(('<path class="unseen" d="M0 7H26"/>', "never seen (in no captured view)"))
     return (
         "<section><h2>Peaked share over the frames</h2>"
-        '<p class="note">Part of the picture that a view from there mends, before a capture: what is '
-        "shown wrongly (red), and what no view has seen (hatched). Until the first view is captured "
-        "there is nothing to compare with.</p>"
+        '<p class="note">Part of the picture that a view from there mends, before a capture: what '
+        "is shown wrongly (red), and what no view has seen (hatched). Until the first view is "
+        "captured there is nothing to compare with.</p>"
         f"{both_sizes(wide, narrow)}{legend(entries)}</section>\n"
     )
 

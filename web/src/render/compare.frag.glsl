@@ -4,30 +4,62 @@ precision highp float;
 
 uniform sampler2D view; // premultiplied
 uniform sampler2D live;
-uniform vec3 gain; // live / view, per channel
+uniform vec4 exposure; // live / view per channel, and the log of that in the corners on top of it
 uniform float threshold;
-uniform int shift_px;
+uniform float shift_px;
+uniform bool apart; // what was never shown counts, whatever its colour
 
-out vec4 result; // peaked, missing, error / 3, 1
+out vec4 result; // peaked, unseen, error / 3, 1
 
 const float MIN_ALPHA = 0.5;
 
-vec3 rendered(ivec2 at) {
+vec3 rendered(ivec2 at, vec2 size) {
   vec4 c = texelFetch(view, at, 0);
-  return clamp((c.a > 0.0 ? c.rgb / c.a : vec3(0.0)) * gain, 0.0, 1.0);
+  vec2 from_middle = vec2(at) + 0.5 - 0.5 * size;
+  float falloff = exposure.a * dot(from_middle, from_middle) / (0.25 * dot(size, size));
+  return clamp((c.a > 0.0 ? c.rgb / c.a : vec3(0.0)) * exposure.rgb * exp(falloff), 0.0, 1.0);
+}
+
+float l1(vec3 a, vec3 b) {
+  vec3 differs = abs(a - b);
+  return differs.r + differs.g + differs.b;
+}
+
+// The least L1 of a picture that is displaced in nine ways, to one pixel of the other.
+float least(vec3 around[9], vec3 still) {
+  float found = 9.0;
+  for (int y = 0; y < 3; y++) {
+    float part_y = y == 1 ? 0.0 : shift_px;
+    for (int x = 0; x < 3; x++) {
+      float part_x = x == 1 ? 0.0 : shift_px;
+      vec3 row = mix(around[4], around[3 + x], part_x);
+      vec3 other = mix(around[3 * y + 1], around[3 * y + x], part_x);
+      found = min(found, l1(mix(row, other, part_y), still));
+    }
+  }
+  return found;
 }
 
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
-  ivec2 last = textureSize(view, 0) - 1;
-  vec3 video = texelFetch(live, at, 0).rgb;
-  float error = 9.0;
-  for (int y = -shift_px; y <= shift_px; y++) {
-    for (int x = -shift_px; x <= shift_px; x++) {
-      vec3 differs = abs(rendered(clamp(at + ivec2(x, y), ivec2(0), last)) - video);
-      error = min(error, differs.r + differs.g + differs.b);
+  ivec2 size = textureSize(view, 0);
+  ivec2 last = size - 1;
+  float error;
+  if (shift_px > 0.0) {
+    vec3 ours[9];
+    vec3 theirs[9];
+    for (int y = 0; y < 3; y++) {
+      for (int x = 0; x < 3; x++) {
+        ivec2 there = clamp(at + ivec2(x, y) - 1, ivec2(0), last);
+        ours[3 * y + x] = rendered(there, vec2(size));
+        theirs[3 * y + x] = texelFetch(live, there, 0).rgb;
+      }
     }
+    error = max(least(ours, theirs[4]), least(theirs, ours[4]));
+  } else {
+    error = l1(rendered(at, vec2(size)), texelFetch(live, at, 0).rgb);
   }
-  float missing = texelFetch(view, at, 0).a < MIN_ALPHA ? 1.0 : 0.0;
-  result = vec4(error > threshold ? 1.0 : 0.0, missing, error / 3.0, 1.0);
+  bool empty = texelFetch(view, at, 0).a < MIN_ALPHA;
+  bool peaked = error > threshold || (apart && empty);
+  result = vec4(peaked ? 1.0 : 0.0, empty ? 1.0 : 0.0, error / 3.0, 1.0);
 }

@@ -104,14 +104,18 @@ export class PoseCorrection {
    *
    * @param device Where the device said that the picture was taken.
    * @param corrected Where it was taken.
+   * @param sure All of the pose is known from the picture; only then a jump is believed. Where some of
+   *   it is not, that part is as it was rendered.
    */
-  found(time_ms: number, device: Rigid<World, Cam>, corrected: Rigid<World, Cam>): void {
+  found(
+    time_ms: number, device: Rigid<World, Cam>, corrected: Rigid<World, Cam>, sure = true,
+  ): void {
     const before = composeInto(this.#target, device, this.#a);
     const step_m = distanceBetween(before, corrected);
     const step_rad = angleBetween(before, corrected);
     worldMotion(corrected, device, this.#found);
     if (this.#lastFound_ms !== null && (step_m > JUMP_M || step_rad > JUMP_RAD)) {
-      this.#maybeJumped(time_ms, device, corrected);
+      if (sure) this.#maybeJumped(time_ms, device, corrected);
       return;
     }
     this.#jumpSeen = false;

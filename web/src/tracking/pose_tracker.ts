@@ -13,8 +13,8 @@ import { PoseCorrection, type TrackingState } from './pose_correction';
 
 /** Alignments begin no more often than this. */
 const EVERY_MS = 60;
-/** With more left to doubt than this, a correction serves nobody. */
-const MAX_SD_M = 0.008;
+/** A pose whose parts are all known better than this is known as a whole: half the prior. */
+const SURE_SD_M = 0.005;
 
 /** A frame as it came, but for its camera. */
 class MovedFrame implements LiveFrame {
@@ -181,7 +181,7 @@ export class PoseTracker implements Disposable {
     this.#busy = null;
     this.#spare = pictures;
     this.took_ms = took_ms;
-    this.#lastSucceeded = failure === null && Math.max(...moveSd_m) <= MAX_SD_M;
+    this.#lastSucceeded = failure === null;
     if (!this.#lastSucceeded) {
       this.failed += 1;
       return;
@@ -190,7 +190,8 @@ export class PoseTracker implements Disposable {
     this.#liveFromCam.rows.set(liveFromCam);
     inverse(this.#liveFromCam, this.#camFromLive);
     composeInto(this.#alignedRendered, this.#camFromLive, this.#corrected);
-    this.#correction.found(this.#time_ms, this.#alignedDevice, this.#corrected);
+    const sure = Math.max(...moveSd_m) < SURE_SD_M;
+    this.#correction.found(this.#time_ms, this.#alignedDevice, this.#corrected, sure);
     if (this.#correction.asksAgain) this.#aligned = -1;
   }
 }

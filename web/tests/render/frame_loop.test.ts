@@ -2,7 +2,7 @@
 
 import { getHeapStatistics, setFlagsFromString } from 'node:v8';
 import { runInNewContext } from 'node:vm';
-import { expect, test } from 'vitest';
+import { expect, test, vi } from 'vitest';
 import {
   identity, pinholeScratch, resized, rigid, type Cam, type Camera, type World,
 } from '../../src/geometry';
@@ -11,6 +11,7 @@ import type { DecodedMpi } from '../../src/mpi/decode';
 import { MpiStore } from '../../src/mpi/mpi_store';
 import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
+import { PoseTracker } from '../../src/tracking/pose_tracker';
 import type { Options } from '../../src/wire';
 
 const PINHOLE = { width_px: 400, height_px: 800, fx_px: 600, fy_px: 600, cx_px: 200, cy_px: 400 };
@@ -115,6 +116,26 @@ test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', async (bl
   expect(draw()).toBe(seen);
   expect(draw().viewIds).toBe(seen.viewIds);
   expect(bytesOf(draw)).toBeLessThan(MAX_BYTES_PER_FRAME);
+});
+
+test('a frame whose pose is corrected makes nothing', async () => {
+  let asked = 0;
+  const worker = class {
+    postMessage(): void { asked += 1; }
+
+    terminate(): void { /* it never began */ }
+  };
+  vi.stubGlobal('Worker', worker);
+  using store = storeOfMany();
+  using renderer = new ViewRenderer(gl, OPTIONS);
+  using tracker = new PoseTracker(gl);
+  renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
+  const frame = new Trembling();
+  const draw = (): Seen => renderer.draw(tracker.shown(frame.next()), store, LOOK);
+  await untilShown(draw);
+  expect(bytesOf(draw)).toBeLessThan(MAX_BYTES_PER_FRAME);
+  expect(asked).toBe(1); // the next waits for the answer
+  vi.unstubAllGlobals();
 });
 
 test('the ruler finds what is made', () => {

@@ -145,6 +145,14 @@ test('a jump that is found twice carries the views along', () => {
   expect(correction.state.moved_m).toBeCloseTo(0.004, 6);
 });
 
+test('a jump of which not all is known is not believed', () => {
+  const correction = new PoseCorrection();
+  correction.found(0, FAR, FAR);
+  for (const time_ms of [60, 120, 180]) correction.found(time_ms, FAR, compose(shift(0.07), FAR), false);
+  expect(correction.state.jumps).toBe(0);
+  expect(correction.asksAgain).toBe(false);
+});
+
 test('what is further away than devices drift is not believed', () => {
   const correction = new PoseCorrection();
   correction.found(0, FAR, compose(shift(0.2), FAR));

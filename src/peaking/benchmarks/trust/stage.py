@@ -244,5 +244,5 @@ def _square(radius_px: int) -> UInt8[np.ndarray, "n n"]:
 
 def _resized(
     labels: UInt8[np.ndarray, "h w"], width_px: int, height_px: int
-) -> UInt8[np.ndarray, "h w"]:
+) -> UInt8[np.ndarray, "height width"]:
     return cv2.resize(labels, (width_px, height_px), interpolation=cv2.INTER_NEAREST_EXACT)

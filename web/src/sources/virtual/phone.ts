@@ -35,6 +35,8 @@ export interface VirtualPhone {
   setPose(worldFromCam: readonly number[]): void;
   /** Pretend that tracking is lost. */
   setTracked(tracked: boolean): void;
+  /** Let the device find itself again: its world gets an origin that is moved by so much, and it says so. */
+  moveOrigin(x_m: number, y_m: number, z_m: number): void;
   /** Let the device err: it says that it is so far from where it is, and turned about the vertical. */
   setDrift(x_m: number, y_m: number, z_m: number, yaw_rad: number): void;
 }
@@ -58,7 +60,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
   options.stage.setAttribute('style', style); // IWER fills the window with it
   device.installRuntime({ forceInstall: true, polyfillLayers: false } as Parameters<
     typeof device.installRuntime>[0]);
-  const phone = { tracked: true };
+  const phone: Phone = { tracked: true, space: null };
   const drift = { x_m: 0, y_m: 0, z_m: 0, yaw_rad: 0 };
   let last_ms = 0;
 
@@ -121,6 +123,13 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
     pose,
     setPose: (worldFromCam) => setPose(pose, worldFromCam),
     setTracked: (tracked) => { phone.tracked = tracked; },
+    moveOrigin: (x_m, y_m, z_m) => {
+      drift.x_m -= x_m;
+      drift.y_m -= y_m;
+      drift.z_m -= z_m;
+      const matrix = Float32Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x_m, y_m, z_m, 1);
+      phone.space?.dispatchEvent(Object.assign(new Event('reset'), { transform: { matrix } }));
+    },
     setDrift: (x_m, y_m, z_m, yaw_rad) => { Object.assign(drift, { x_m, y_m, z_m, yaw_rad }); },
   };
 }
@@ -225,8 +234,14 @@ class DrawnCamera {
   }
 }
 
+interface Phone {
+  tracked: boolean;
+  /** That poses are told in. */
+  space: EventTarget | null;
+}
+
 /** One view, a camera picture behind it, and ARCore's depth. */
-function behaveLikeAPhone(camera: DrawnCamera, phone: { tracked: boolean }): void {
+function behaveLikeAPhone(camera: DrawnCamera, phone: Phone): void {
   const picture = { width: PICTURE_SIZE.width_px, height: PICTURE_SIZE.height_px };
   const patched = globalThis as unknown as Record<'XRView' | 'XRFrame' | 'XRSession', {
     prototype: Patch;
@@ -237,6 +252,13 @@ function behaveLikeAPhone(camera: DrawnCamera, phone: { tracked: boolean }): voi
   Object.defineProperty(patched.XRSession.prototype, 'depthDataFormat', {
     configurable: true, get: () => 'luminance-alpha',
   });
+  const requestReferenceSpace = patched.XRSession.prototype['requestReferenceSpace'] as (
+    this: XRSession, type: string) => Promise<EventTarget>;
+  patched.XRSession.prototype['requestReferenceSpace'] = async function kept(this: XRSession, type: string) {
+    const space = await requestReferenceSpace.call(this, type);
+    if (type === 'local') phone.space = space;
+    return space;
+  };
   patched.XRFrame.prototype['getDepthInformation'] = () => camera.depth();
   const getViewerPose = patched.XRFrame.prototype['getViewerPose'] as (
     this: XRFrame, space: XRReferenceSpace) => XRViewerPose | null;
