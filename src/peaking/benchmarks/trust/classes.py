@@ -9,7 +9,7 @@ from jaxtyping import Bool
 
 from peaking.benchmarks.trust.judge import RULES, RuleName
 from peaking.benchmarks.trust.scores import ratio
-from peaking.benchmarks.trust.stage import RIGHT, WRONG, Stage, apart, true_error
+from peaking.benchmarks.trust.stage import RIGHT, WRONG, Stage, apart, spread, true_error
 from peaking.benchmarks.trust.steady import state_of
 
 VIEWS_OF_AREA = 8
@@ -42,7 +42,7 @@ def measure(stage: Stage) -> Iterator[dict[str, object]]:
     if stage.scene.materials(stage.scene.views[0]) is None:
         yield {"confusion": None, "recall": None, "unfixable_of_mendable": None, "paper": None}
         return
-    for index in stage.close_to(stage.scene.views, 2 * stage.plan.poses):
+    for index in spread(stage.held_out(), 2 * stage.plan.poses):
         numbers = views_of_area(stage, index)
         judge = stage.judge(numbers[:1])
         for number in numbers[1:]:
