@@ -20,7 +20,7 @@ import numpy as np
 from drawn_room import bare, disturbed, photographed, upright_stripes
 from peaking import tracking
 from peaking.datasets import open_recording
-from peaking.error_map import GAIN_STRIDE, exposure_gain
+from peaking.error_map.exposure import STRIDE_PX, Exposure, measure_exposure
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.guidance import (
     DepthScan,
@@ -33,12 +33,14 @@ from peaking.guidance import (
 )
 from peaking.guidance.guide import next_target, within_reach
 from peaking.guidance.scan import middle_depth_m
+from peaking.hole_filling import DEPTHS, choose_filling_views
 from peaking.mpi import Mpi
 from peaking.mpi_file import encode
 from peaking.options import Options
 from peaking.pipeline import Reconstruction
 from peaking.rendering import Rendering
 from peaking.server.recordings import wire_of_camera
+from peaking.tracking import solution
 from peaking.view_weights import (
     Neighbour,
     nearest_by_distance,
@@ -58,8 +60,9 @@ OPTIONS = Options(
     opacity="seen",
     filling_views=3,
     error_threshold=0.4,
-    shift_px=1,
+    shift_px=0.5,
     compensate_exposure=True,
+    marks="apart",
 )
 
 
@@ -73,6 +76,7 @@ def fixtures() -> dict[str, bytes]:
         "mpi_file.json": as_json(content_of(mpi)),
         "view_weights.json": as_json(view_weight_cases()),
         "exposure.json": as_json(exposure_cases()),
+        "hole_filling.json": as_json(hole_filling_cases()),
         "guidance.json": as_json(guidance_cases()),
         "align.json": as_json(align_cases()),
     }
@@ -132,29 +136,69 @@ def answers(near: tuple[Neighbour, ...]) -> list[list[float]]:
 
 
 def exposure_cases() -> list[dict[str, Any]]:
-    """Return samples of a view and of a live picture, and the gain per channel."""
+    """Return samples of a view and of a live picture, and the exposure."""
     random = np.random.default_rng(11)
     cases: list[dict[str, Any]] = []
-    for gain, covered, size in (
-        ((1.0, 1.0, 1.0), 1.0, (20, 30)),
-        ((1.3, 1.1, 0.8), 0.7, (21, 30)),
-        ((3.0, 0.3, 1.0), 1.0, (20, 30)),  # beyond the range
-        ((1.3, 1.3, 1.3), 1.0, (6, 8)),  # too few
-        ((1.2, 1.2, 1.2), 0.0, (20, 30)),  # nothing covered
+    for gain, falloff, covered, size in (
+        ((1.0, 1.0, 1.0), 0.0, 1.0, (20, 30)),
+        ((1.3, 1.1, 0.8), 0.0, 0.7, (21, 30)),
+        ((0.8, 0.8, 0.9), -0.3, 1.0, (40, 30)),
+        ((1.0, 1.0, 1.0), -0.4, 0.8, (30, 40)),
+        ((3.0, 0.3, 1.0), 0.0, 1.0, (20, 30)),  # beyond the range
+        ((1.3, 1.3, 1.3), 0.0, 1.0, (6, 8)),  # too few
+        ((1.2, 1.2, 1.2), 0.0, 0.0, (20, 30)),  # nothing covered
     ):
         view = random.integers(0, 256, (*size, 4), dtype=np.uint8)
         view[..., 3] = np.where(random.uniform(size=size) < covered, 255, 90)
         noise = random.uniform(0.9, 1.1, (*size, 3))
-        live = np.clip(view[..., :3] * np.array(gain) * noise, 0, 255).astype(np.uint8)
-        spread = np.ones((GAIN_STRIDE, GAIN_STRIDE, 1), np.uint8)
+        corners = Exposure(np.ones(3, np.float32), falloff).factors(size[1], size[0])[..., None]
+        lit = view[..., :3] * np.array(gain) * corners
+        live = np.clip(lit * noise, 0, 255).astype(np.uint8)
+        spread = np.ones((STRIDE_PX, STRIDE_PX, 1), np.uint8)
         rgba = np.kron(view, spread).astype(np.float32) / np.float32(255)
         rendering = Rendering(rgba, np.ones(rgba.shape[:2], np.float32))
         opaque = np.full((*size, 1), 255, np.uint8)
+        found = measure_exposure(rendering, np.kron(live, spread))
         cases.append(
             {
                 "view": view.ravel().tolist(),
                 "live": np.concatenate([live, opaque], axis=-1).ravel().tolist(),
-                "gain": exposure_gain(rendering, np.kron(live, spread)).astype(float).tolist(),
+                "width_px": STRIDE_PX * size[1],
+                "height_px": STRIDE_PX * size[0],
+                "gain": found.gain.astype(float).tolist(),
+                "falloff": found.falloff,
+            }
+        )
+    return cases
+
+
+def hole_filling_cases() -> list[dict[str, Any]]:
+    """Return cameras and opacities of blocks, and which views fill what is empty."""
+    random = np.random.default_rng(17)
+    depths_m = np.array([3.0, 2.2, 1.6, 1.1, 0.8])
+    pinhole = Pinhole(28, 42, 30.0, 30.0, 14.5, 20.0)
+    cases: list[dict[str, Any]] = []
+    for views, empty in ((3, 0.3), (12, 0.2), (12, 0.0), (80, 0.6), (1, 0.5)):
+        cameras = [Camera(pinhole, camera(random).world_from_cam) for _ in range(views)]
+        target = Camera(pinhole, camera(random).world_from_cam)
+        opacity = np.full((42, 28), 255, np.uint8)
+        opacity[:, : round(28 * empty)] = random.integers(0, 200, (42, round(28 * empty)))
+        chosen = choose_filling_views(
+            cameras,
+            target,
+            opacity.astype(np.float32) / np.float32(255),
+            depths_m,
+            blended=[0],
+            count=3,
+        )
+        cases.append(
+            {
+                "cameras": [wire(view) for view in cameras],
+                "target": wire(target),
+                "opacity": opacity.ravel().tolist(),
+                "fill_depths_m": np.quantile(depths_m, DEPTHS).tolist(),
+                "scene_depth_m": float(np.median(depths_m)),
+                "chosen": list(chosen),
             }
         )
     return cases
@@ -261,7 +305,7 @@ def align_cases() -> dict[str, Any]:
     return {
         "constants": {
             name: getattr(module, name)
-            for module in (tracking, tracking.solution)
+            for module in (tracking, solution)
             for name in dir(module)
             if name.isupper() and isinstance(getattr(module, name), int | float)
         },

@@ -250,16 +250,19 @@ def test_drawn_scenes_hold_what_their_pages_say(
 
 @pytest.mark.parametrize("name", ["desk_around", "room"])
 def test_poses_of_drawn_scenes_agree_with_their_depth(name: str) -> None:
-    """Two neighbours see the same surfaces at the same depth, and do not if one is turned."""
+    """Of what lies in a neighbour's picture, the neighbour sees nearly all, at the same depth."""
     scene = open_trust_scene(SCENES / name)
-    here, there = scene.views[3], scene.views[4]
-    seen, known = scene.seen_truth([there], here)
-    assert seen[known].mean() > 0.6
-    depth_m, camera = scene.true_depth_m(here), scene.camera(here)
-    points_m = camera.world_from_cam.apply(camera.pinhole.rays() * depth_m[..., None])
-    inside = scene.recording.cameras[there].sees(points_m) & (depth_m > 0)
-    assert known[inside].mean() > 0.8
-    assert seen[inside & known].mean() > 0.85
+    for here, there in zip(scene.views[::6], scene.views[1::6], strict=False):
+        seen, known = scene.seen_truth([there], here)
+        depth_m, camera = scene.true_depth_m(here), scene.camera(here)
+        points_m = camera.world_from_cam.apply(camera.pinhole.rays() * depth_m[..., None])
+        inside = scene.recording.cameras[there].sees(points_m) & (depth_m > 0)
+        assert known[inside].mean() > 0.7  # least measured: 0.757
+        assert seen[inside & known].mean() > 0.9  # least measured: 0.929, round the table
+    mirrored = {there: np.ascontiguousarray(scene.true_depth_m(there)[:, ::-1])}
+    wrong = TrustScene(scene.recording, scene.views, scene.held_out, mirrored)
+    seen, _ = wrong.seen_truth([there], here)
+    assert seen[inside].mean() < 0.6
 
 
 def test_drawn_scenes_stay_small() -> None:

@@ -19,6 +19,7 @@ from live_server import chromium
 from peaking.datasets import open_recording
 from peaking.error_map import compare
 from peaking.geometry import Camera, Rigid
+from peaking.light_field import LightField
 from peaking.mpi_file import encode
 from peaking.options import PRESETS, Options
 from peaking.pipeline import Reconstruction
@@ -104,9 +105,11 @@ def in_the_browser(
         "neighbours",
         "blend_weights",
         "opacity",
+        "filling_views",
         "error_threshold",
         "shift_px",
         "compensate_exposure",
+        "marks",
     ]
     answer = page.evaluate(
         "fixture => renderFixture(fixture)",
@@ -161,6 +164,7 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[Reconstruction, Any], pre
         threshold=options.error_threshold,
         shift_px=options.shift_px,
         compensate_exposure=options.compensate_exposure,
+        marks=options.marks,
         backend="numpy",
     )
 
@@ -178,6 +182,22 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[Reconstruction, Any], pre
     red = (answer["display"][..., :3] == [1, 0, 0]).all(axis=-1)
     assert red[peaked].mean() > 0.8  # red ends softly, half a pixel around
     assert red[~peaked].mean() < 0.02
+
+
+def test_holes_are_filled_alike(page: Page, scene: tuple[Reconstruction, Any]) -> None:
+    """One view is blended; what it leaves empty, the other two have seen."""
+    field, _ = scene
+    recording = open_recording(ROOT / "scenes" / "desk")
+    live = field.prepare(recording.read(34))
+    options = replace(PRESETS["default"], pixels=PIXELS, neighbours=1, align_poses=False)
+    mpis = field.light_field.mpis
+    unfilled = LightField(mpis, replace(options, filling_views=0)).render(live.camera)
+    filled = LightField(mpis, options).render(live.camera)
+    assert (filled.alpha - unfilled.alpha).mean() > 0.005
+    answer = in_the_browser(page, field, live, options, "mpi")
+    difference = np.abs(answer["view"] - filled.rgba)
+    assert difference.mean() < VIEW_MEAN
+    assert (difference.max(axis=-1) > VIEW_LARGE).mean() < VIEW_WRONG
 
 
 def assert_small_pictures_agree(answer: dict[str, Any], view: Rendering, live: np.ndarray) -> None:

@@ -161,6 +161,7 @@ export interface Options {
   readonly error_threshold: number;
   readonly shift_px: number;
   readonly compensate_exposure: boolean;
+  readonly marks: 'apart' | 'paper';
   readonly align_poses?: boolean;
   readonly depth_model?: string | null;
 }
@@ -344,8 +345,9 @@ export const optionsSchema: Schema<Options> = /* @__PURE__ */ record<Options>({
   opacity: oneOf('paper', 'seen'),
   filling_views: integer(0),
   error_threshold: number(),
-  shift_px: integer(),
+  shift_px: number(),
   compensate_exposure: flag,
+  marks: oneOf('apart', 'paper'),
   align_poses: optional(flag),
   depth_model: optional(nullable(text)),
 });

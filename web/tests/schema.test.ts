@@ -89,7 +89,7 @@ describe('of the wire', () => {
   test('more neighbours than can be blended do not come in', () => {
     const options: Options = {
       pixels: 1, num_planes: 1, neighbours: 9, align: 'off', blend_weights: 'paper',
-      opacity: 'seen', filling_views: 3, error_threshold: 1, shift_px: 0, compensate_exposure: false, generator: 'layered',
+      opacity: 'seen', filling_views: 3, error_threshold: 1, shift_px: 0, compensate_exposure: false, marks: 'paper', generator: 'layered',
     };
     expect(problemOf(optionsSchema, options)).toContain('neighbours: need a whole number from 1 to 8');
   });

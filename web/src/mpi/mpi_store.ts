@@ -5,6 +5,7 @@
 
 import type { Camera } from '../geometry';
 import { rigid } from '../geometry';
+import { FILL_DEPTHS } from '../render/hole_filling';
 import type { DecodedMpi } from './decode';
 import { TEXTURE_COLS } from './decode';
 import { CELL_PX, TILE_PX } from './mpi_file';
@@ -27,6 +28,8 @@ export interface GpuMpi {
   readonly camera: Camera;
   /** Median of its planes: a typical depth of what it shows. */
   readonly medianDepth_m: number;
+  /** How deep what it leaves empty may be, as `FILL_DEPTHS` says. */
+  readonly fillDepths_m: Float64Array;
   readonly numTiles: number;
   readonly texture: WebGLTexture;
   readonly vertexArray: WebGLVertexArrayObject;
@@ -246,7 +249,8 @@ export class MpiStore implements Disposable {
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     return {
       camera: { pinhole: mpi.pinhole, worldFromCam: rigid(mpi.worldFromCam) },
-      medianDepth_m: medianOf(mpi.planeDepths_m),
+      medianDepth_m: quantileOf(mpi.planeDepths_m, 0.5),
+      fillDepths_m: Float64Array.from(FILL_DEPTHS, (part) => quantileOf(mpi.planeDepths_m, part)),
       numTiles: mpi.numTiles,
       texture,
       vertexArray,
@@ -282,9 +286,12 @@ function instancesOf(mpi: DecodedMpi): Float32Array<ArrayBuffer> {
   return instances;
 }
 
-function medianOf(values: Float64Array<ArrayBufferLike>): number {
+/** Between the two values around it where it falls between them. */
+function quantileOf(values: Float64Array<ArrayBufferLike>, part: number): number {
   const sorted = Float64Array.from(values).sort();
-  const middle = sorted.length >> 1;
-  const upper = sorted[middle] ?? NaN;
-  return sorted.length % 2 === 1 ? upper : (upper + (sorted[middle - 1] ?? NaN)) / 2;
+  const place = part * (sorted.length - 1);
+  const below = Math.floor(place);
+  const lower = sorted[below] ?? NaN;
+  const upper = sorted[Math.min(below + 1, sorted.length - 1)] ?? NaN;
+  return lower + (place - below) * (upper - lower);
 }

@@ -3,6 +3,7 @@
 import type { GpuMpi } from '../mpi/mpi_store';
 import { MAX_NEIGHBOURS } from '../wire';
 import { GAIN_STRIDE } from './exposure';
+import { blocksOf } from './hole_filling';
 import { ReadBack, Target } from './target';
 
 /** The result is counted in so many blocks. */
@@ -20,6 +21,11 @@ export class Targets implements Disposable {
   readonly live: Target;
   readonly views: readonly RenderedView[];
   readonly view: Target;
+  /** Of the views that fill what the blended ones leave empty. */
+  readonly filling: readonly RenderedView[];
+  /** Mean opacity of the blocks of what is blended, before it is filled. */
+  readonly opacity: Target;
+  readonly opacityBack: ReadBack;
   readonly result: Target;
   readonly counts: Target;
   readonly countsBack: ReadBack;
@@ -38,9 +44,17 @@ export class Targets implements Disposable {
   uncounted = false;
   /** The view or the live picture is newer than the measured exposure. */
   unmeasured = false;
+  /** What is empty was asked for at least once. */
+  asked = false;
 
-  constructor(gl: WebGL2RenderingContext, width: number, height: number, count: number) {
+  constructor(
+    gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
+  ) {
     const ofView = (): Target => new Target(gl, width, height);
+    this.filling = Array.from({ length: filling }, () => ({ target: ofView(), mpi: null }));
+    const blocks = blocksOf(width, height);
+    this.opacity = new Target(gl, blocks.cols, blocks.rows);
+    this.opacityBack = new ReadBack(gl, this.opacity);
     this.live = ofView();
     this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
     this.view = ofView();
@@ -64,10 +78,11 @@ export class Targets implements Disposable {
 
   [Symbol.dispose](): void {
     this.countsBack[Symbol.dispose]();
+    this.opacityBack[Symbol.dispose]();
     this.gridBack[Symbol.dispose]();
+    for (const { target } of [...this.views, ...this.filling]) target[Symbol.dispose]();
     for (const target of [
-      this.live, ...this.views.map((rendered) => rendered.target), this.view, this.result, this.counts,
-      this.grid, this.shown, this.shownBefore,
+      this.live, this.view, this.opacity, this.result, this.counts, this.grid, this.shown, this.shownBefore,
     ]) target[Symbol.dispose]();
   }
 }

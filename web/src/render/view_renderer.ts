@@ -3,8 +3,9 @@
  * blended, compared with the live picture of the same pose, and drawn.
  *
  *     live ── shrink ──────────────┐
- *     MPIs ── render each ── blend ┴─ compare ─┬─ count ──► shares (read back, frames later)
- *                              └── grid ──► exposure gain  └─ settle ── display
+ *     MPIs ── render each ── blend ── fill ┴─ compare ─┬─ count ──► shares (read back, frames later)
+ *                              └── opacity ──► filling views    └─ settle ── display
+ *                                    grid ──► exposure
  */
 
 import { pinholeScratch, type Camera } from '../geometry';
@@ -15,7 +16,8 @@ import blendFragment from './blend.frag.glsl?raw';
 import compareFragment from './compare.frag.glsl?raw';
 import countFragment from './count.frag.glsl?raw';
 import displayFragment from './display.frag.glsl?raw';
-import { exposureGain, GAIN_STRIDE } from './exposure';
+import { GAIN_STRIDE, measureExposure } from './exposure';
+import { Filling } from './filling';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
@@ -73,7 +75,9 @@ export class ViewRenderer implements Disposable {
   readonly #seen: { -readonly [K in keyof Seen]: Seen[K] };
   /** For each of `#near`, where it is rendered to. */
   readonly #places: (RenderedView | null)[] = Array.from({ length: MAX_NEIGHBOURS }, () => null);
-  readonly #gain = new Float32Array([1, 1, 1]);
+  /** Live / view per channel, and the log of that in the corners on top of it. */
+  readonly #exposure = new Float32Array([1, 1, 1, 0]);
+  readonly #filling: Filling;
   /** Hears of every frame what was rendered, with a number that goes up when that or the picture is new. */
   onRendered: ((number: number, near: NearViews, camera: Camera, targets: Targets) => void) | null = null;
   #rendered = 0;
@@ -93,6 +97,11 @@ export class ViewRenderer implements Disposable {
     this.#gl = gl;
     this.#options = options;
     this.#near = new NearViews(options);
+    this.#filling = new Filling(gl, options.filling_views, {
+      bind: (unit, texture) => this.#bind(unit, texture),
+      cover: () => this.#cover(),
+      renderMpi: (mpi, camera, target) => this.#renderMpi(mpi, camera, target),
+    });
     this.#seen = { ...NOTHING, viewIds: this.#near.ids };
     const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
     this.#programs = {
@@ -128,6 +137,7 @@ export class ViewRenderer implements Disposable {
     this.#takeReadBacks(targets);
     const near = this.#near;
     near.choose(store, camera);
+    this.#filling.choose(store, near, camera, targets);
     if (near.count === 0) {
       this.#peakedShare = null;
       this.#missingShare = null;
@@ -139,7 +149,7 @@ export class ViewRenderer implements Disposable {
     const newPicture = frame.pictureId === null || frame.pictureId !== targets.pictureId;
     if (newPicture) this.#shrink(image, camera, targets);
     targets.pictureId = frame.pictureId;
-    const newView = this.#renderAndBlend(near, camera, targets);
+    const newView = this.#renderAndBlend(near, store, camera, targets);
     const changed = newPicture || newView;
     if (changed || look.threshold !== targets.threshold) this.#compare(look, targets);
     if (changed) targets.unmeasured = true;
@@ -179,6 +189,7 @@ export class ViewRenderer implements Disposable {
 
   [Symbol.dispose](): void {
     for (const program of Object.values(this.#programs)) program[Symbol.dispose]();
+    this.#filling[Symbol.dispose]();
     this.#gl.deleteVertexArray(this.#screen);
     this.#gl.deleteSampler(this.#sampler);
     this.#targets?.[Symbol.dispose]();
@@ -193,7 +204,7 @@ export class ViewRenderer implements Disposable {
     if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
       this.#targets?.[Symbol.dispose]();
       this.#targets = new Targets(
-        this.#gl, width, height, this.#options.neighbours);
+        this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
     }
     return this.#targets;
   }
@@ -215,7 +226,10 @@ export class ViewRenderer implements Disposable {
    * and need not be rendered again: a phone that is held by a tripod, a recording that is stopped.
    */
   #findPlaces({ count, mpis }: NearViews, camera: Camera, targets: Targets): void {
-    if (this.#hasMoved(camera)) for (const view of targets.views) view.mpi = null;
+    if (this.#hasMoved(camera)) {
+      for (const view of targets.views) view.mpi = null;
+      for (const view of targets.filling) view.mpi = null;
+    }
     const places = this.#places.fill(null);
     for (const view of targets.views) {
       const k = view.mpi === null ? -1 : mpis.indexOf(view.mpi);
@@ -249,7 +263,7 @@ export class ViewRenderer implements Disposable {
   }
 
   /** Returns whether the view is another one than before. */
-  #renderAndBlend(near: NearViews, camera: Camera, targets: Targets): boolean {
+  #renderAndBlend(near: NearViews, store: MpiStore, camera: Camera, targets: Targets): boolean {
     this.#findPlaces(near, camera, targets);
     let changed = false;
     for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
@@ -266,8 +280,11 @@ export class ViewRenderer implements Disposable {
       targets.weights[k] = weight;
       targets.blendedFrom[k] = target;
     }
-    if (changed) this.#blend(near.count, targets);
-    return changed;
+    if (this.#filling.render(store, near, camera, targets)) changed = true;
+    if (!changed) return false;
+    this.#blend(near.count, targets);
+    this.#filling.draw(targets);
+    return true;
   }
 
   #renderMpi(mpi: GpuMpi, camera: Camera, target: Target): void {
@@ -307,9 +324,10 @@ export class ViewRenderer implements Disposable {
     this.#bind(1, targets.live.texture);
     gl.uniform1i(compare.uniform('view'), 0);
     gl.uniform1i(compare.uniform('live'), 1);
-    gl.uniform3fv(compare.uniform('gain'), this.#gain);
+    gl.uniform4fv(compare.uniform('exposure'), this.#exposure);
     gl.uniform1f(compare.uniform('threshold'), look.threshold);
-    gl.uniform1i(compare.uniform('shift_px'), this.#options.shift_px);
+    gl.uniform1f(compare.uniform('shift_px'), this.#options.shift_px);
+    gl.uniform1i(compare.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
     this.#cover();
   }
 
@@ -329,7 +347,8 @@ export class ViewRenderer implements Disposable {
     }
     const samples = targets.gridBack.take();
     if (samples === null) return;
-    if (exposureGain(samples, this.#gain)) targets.threshold = NaN; // compared again
+    const { width, height } = targets.view;
+    if (measureExposure(samples, width, height, this.#exposure)) targets.threshold = NaN; // compared again
   }
 
   #count(targets: Targets): void {
@@ -346,7 +365,7 @@ export class ViewRenderer implements Disposable {
     targets.countsBack.request();
   }
 
-  /** The gain that is used lags by the frames that reading back takes. */
+  /** The exposure that is used lags by the frames that reading back takes. */
   #measureExposure(targets: Targets): void {
     if (!this.#options.compensate_exposure) return;
     if (!targets.unmeasured || targets.gridBack.pending) return;

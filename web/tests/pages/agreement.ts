@@ -20,7 +20,7 @@ interface Fixture {
 }
 
 /** Frames until what is read back asynchronously has come. */
-const FRAMES = 30;
+const FRAMES = 90;
 
 function bytesOf(base64: string): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));

@@ -1,0 +1,117 @@
+/** Draws under what is blended what further views saw where it is empty. */
+
+import type { Camera } from '../geometry';
+import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
+import { HoleFiller } from './hole_filling';
+import type { NearViews } from './near_views';
+import opacityFragment from './opacity.frag.glsl?raw';
+import { Program } from './program';
+import screenVertex from './screen.vert.glsl?raw';
+import type { Target } from './target';
+import type { Targets } from './targets';
+import underFragment from './under.frag.glsl?raw';
+
+/** What is empty is looked at again after so many frames: what fills may lag, what is shown does not. */
+const EVERY_FRAMES = 6;
+
+/** What the renderer does for it. */
+export interface Drawing {
+  bind(unit: number, texture: WebGLTexture): void;
+  /** Draws a triangle over all of the target. */
+  cover(): void;
+  renderMpi(mpi: GpuMpi, camera: Camera, target: Target): void;
+}
+
+export class Filling implements Disposable {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #opacity: Program;
+  readonly #under: Program;
+  readonly #filler: HoleFiller;
+  /** The views that fill, best first; as long as they are. */
+  readonly #ids: string[] = [];
+  readonly #blocks = { opacity: new Uint8Array(0), cols: 0, rows: 0 };
+  #near: NearViews | null = null;
+  #views: MpiStore['views'] = [];
+  #frame = 0;
+
+  constructor(gl: WebGL2RenderingContext, most: number, readonly drawing: Drawing) {
+    this.#gl = gl;
+    this.#filler = new HoleFiller(most);
+    this.#opacity = new Program(gl, screenVertex, opacityFragment);
+    this.#under = new Program(gl, screenVertex, underFragment);
+  }
+
+  [Symbol.dispose](): void {
+    this.#opacity[Symbol.dispose]();
+    this.#under[Symbol.dispose]();
+  }
+
+  /** Choose which views fill, if it is known anew what is empty. */
+  choose(store: MpiStore, near: NearViews, camera: Camera, targets: Targets): void {
+    this.#frame += 1;
+    const opacity = targets.opacityBack.take();
+    const closest = near.mpis[0];
+    if (opacity === null || closest === undefined || near.count === 0) return;
+    this.#near = near;
+    this.#views = store.views;
+    this.#blocks.opacity = opacity;
+    this.#blocks.cols = targets.opacity.width;
+    this.#blocks.rows = targets.opacity.height;
+    this.#filler.choose(store.cameras, camera, this.#blocks, closest, this.#isBlended);
+    this.#ids.length = this.#filler.count;
+    for (let k = 0; k < this.#filler.count; k += 1) {
+      this.#ids[k] = store.views[this.#filler.index[k] ?? -1]?.id ?? '';
+    }
+  }
+
+  /** Render those that are not there yet. Returns whether anything is new. */
+  render(store: MpiStore, near: NearViews, camera: Camera, targets: Targets): boolean {
+    let changed = false;
+    for (let k = 0; k < targets.filling.length; k += 1) {
+      const place = targets.filling[k];
+      const id = this.#ids[k];
+      if (place === undefined) continue;
+      const mpi = id === undefined || near.ids.includes(id) ? null : store.want(id);
+      if (place.mpi === mpi) continue;
+      if (mpi !== null) this.drawing.renderMpi(mpi, camera, place.target);
+      place.mpi = mpi;
+      changed = true;
+    }
+    return changed;
+  }
+
+  /** Ask what is empty in what was blended, then draw under it. */
+  draw(targets: Targets): void {
+    this.#ask(targets);
+    const gl = this.#gl;
+    for (let k = 0; k < targets.filling.length; k += 1) {
+      const place = targets.filling[k];
+      if (place === undefined || place.mpi === null) continue;
+      targets.view.begin();
+      this.#under.use();
+      this.drawing.bind(0, place.target.texture);
+      gl.uniform1i(this.#under.uniform('view'), 0);
+      gl.enable(gl.BLEND);
+      gl.blendEquation(gl.FUNC_ADD);
+      gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE);
+      this.drawing.cover();
+      gl.disable(gl.BLEND);
+    }
+  }
+
+  #ask(targets: Targets): void {
+    if (targets.filling.length === 0 || targets.opacityBack.pending) return;
+    if (this.#frame % EVERY_FRAMES !== 0 && targets.asked) return;
+    targets.asked = true;
+    targets.opacity.begin();
+    this.#opacity.use();
+    this.drawing.bind(0, targets.view.texture);
+    this.#gl.uniform1i(this.#opacity.uniform('view'), 0);
+    this.#gl.uniform2i(this.#opacity.uniform('blocks'), targets.opacity.width, targets.opacity.height);
+    this.drawing.cover();
+    targets.opacityBack.request();
+  }
+
+  readonly #isBlended = (index: number): boolean =>
+    this.#near?.ids.includes(this.#views[index]?.id ?? '') ?? false;
+}
