@@ -130,7 +130,7 @@ def test_the_paper_counts_an_exposure_and_half_a_pixel_of_displacement_as_errors
     assert peaked["paper", "darker"] > 0.5
     assert peaked["default", "darker"] < 0.01
     assert peaked["paper", "displaced"] > 0.002
-    assert peaked["default", "displaced"] == 0
+    assert peaked["default", "displaced"] < 0.001
 
 
 def test_a_pose_is_corrected_before_it_is_compared(recording: Recording) -> None:
