@@ -54,14 +54,14 @@ def mpi_of_paper(recording: Recording) -> np.ndarray:
 
 def peaks_of_default(recording: Recording) -> np.ndarray:
     """Guards what is red by default."""
-    seen, _ = seen_from_two_views(recording, DEFAULT)
-    return peaks_on_mpi(seen.errors, seen.rendering)
+    seen, live = seen_from_two_views(recording, DEFAULT)
+    return peaks_on_mpi(seen.errors, seen.rendering, live)
 
 
 def peaks_of_paper_on_video(recording: Recording) -> np.ndarray:
     """Guards what is red in the paper."""
     seen, live = seen_from_two_views(recording, PAPER)
-    return peaks_on_video(seen.errors, live)
+    return peaks_on_video(seen.errors, live, marks=PAPER.marks)
 
 
 def completed_disparity(recording: Recording) -> np.ndarray:

@@ -109,7 +109,7 @@ def test_each_difference_between_the_presets_is_an_option_of_the_command_line() 
     assert set(PRESETS) == {"default", "paper"}
 
 
-def test_the_paper_counts_an_exposure_and_a_pixel_of_displacement_as_errors(
+def test_the_paper_counts_an_exposure_and_half_a_pixel_of_displacement_as_errors(
     recording: Recording,
 ) -> None:
     """Neither goes away by taking more views, so the default forgives them.
@@ -119,7 +119,8 @@ def test_the_paper_counts_an_exposure_and_a_pixel_of_displacement_as_errors(
     default = replace(DEFAULT, align_poses=False)
     small = light_field_of(PAPER, recording, []).prepare(recording.read(2))
     darker = (0.6 * small.rgb).astype(np.uint8)
-    displaced = np.hstack([small.rgb[:, :1], small.rgb[:, :-1]])
+    beside = np.hstack([small.rgb[:, :1], small.rgb[:, :-1]])
+    displaced = (small.rgb / 2 + beside / 2).astype(np.uint8)
     shares = {
         (name, live): light_field_of(options, recording, [2]).compare(rgb, small.camera).errors
         for name, options in (("paper", PAPER), ("default", default))
@@ -128,8 +129,8 @@ def test_the_paper_counts_an_exposure_and_a_pixel_of_displacement_as_errors(
     peaked = {key: errors.peaked_share for key, errors in shares.items()}
     assert peaked["paper", "darker"] > 0.5
     assert peaked["default", "darker"] < 0.01
-    assert peaked["paper", "displaced"] > 0.003
-    assert peaked["default", "displaced"] == 0
+    assert peaked["paper", "displaced"] > 0.002
+    assert peaked["default", "displaced"] < 0.001
 
 
 def test_a_pose_is_corrected_before_it_is_compared(recording: Recording) -> None:

@@ -34,7 +34,9 @@ def test_the_example_in_python_runs(
     monkeypatch.chdir(ROOT)
     exec(compile(code, "README.md", "exec"), {})
     said = capsys.readouterr().out
-    assert re.fullmatch(r"\d+\.\d% of the pixels are wrong, \d+\.\d% were never seen\n", said)
+    assert re.fullmatch(
+        r"\d+\.\d% of the pixels are wrong, \d+\.\d% show what was never seen\n", said
+    )
 
 
 def test_make_targets_that_are_named_exist() -> None:

@@ -9,9 +9,9 @@ export interface CoachMoment {
 
 export const TASKS = [
   { title: 'Take a first view', text: 'Hold still and press the round button.' },
-  { title: 'Now move', text: 'Take a step sideways. What your view does not show turns red.' },
-  { title: 'Capture where it is red', text: 'Another view from here adds what is missing.' },
-  { title: 'The red disappears', text: 'Keep going until no red remains, then press Finish.' },
+  { title: 'Now move', text: 'Take a step sideways. What is shown wrongly turns red; what is new is hatched.' },
+  { title: 'Capture where it is marked', text: 'A view from here mends what is red or hatched.' },
+  { title: 'The marks disappear', text: 'Keep going until none remain, then press Finish.' },
 ] as const;
 
 /** Peaked share at which a beginner notices the red. */

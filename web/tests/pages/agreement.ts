@@ -60,7 +60,7 @@ async function renderFixture(fixture: Fixture): Promise<object> {
   using renderer = new ViewRenderer(gl, fixture.options);
   const frame: LiveFrame = {
     time_ms: 0, camera, image, framebuffer: null,
-    viewport: { x: 0, y: 0, width: width_px, height: height_px }, pictureId: null, hasDepth: () => false,
+    viewport: { x: 0, y: 0, width: width_px, height: height_px }, pictureId: 1, hasDepth: () => false,
     depth: () => null,
   };
   using pictures = new AlignPictures(gl, targetSizeOf(fixture.options, width_px, height_px));
