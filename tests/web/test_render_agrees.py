@@ -177,7 +177,7 @@ def test_view_and_peaks_agree(page: Page, scene: tuple[Reconstruction, Any], pre
     assert (peaked != errors.peaked).mean() < PEAKED_WRONG
     assert 0.005 < errors.peaked_share < 0.9  # there is something to agree on
     assert answer["peakedShare"] == pytest.approx(peaked.mean(), abs=1e-9)
-    assert answer["missingShare"] == pytest.approx(errors.unseen_share, abs=0.01)
+    assert answer["unseenShare"] == pytest.approx(errors.unseen_share, abs=0.01)
     assert_small_pictures_agree(answer, view, live.rgb)
     red = (answer["display"][..., :3] == [1, 0, 0]).all(axis=-1)
     assert red[peaked].mean() > 0.8  # red ends softly, half a pixel around

@@ -119,7 +119,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const notices = new Notices(info, api);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
-    time_ms: 0, look: live.look, peakedShare: null, tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
+    time_ms: 0, look: live.look, peakedShare: null, unseenShare: null, tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
     sessionName: '',
   };
   const onFrame = (frame: LiveFrame): void => {
@@ -130,6 +130,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.time_ms = frame.time_ms;
     shown.look = live.look;
     shown.peakedShare = seen?.peakedShare ?? null;
+    shown.unseenShare = info.options.marks === 'apart' ? seen?.unseenShare ?? null : null;
     shown.views = views;
     shown.restorable = restorable;
     shown.notice = notices.of(frame.time_ms, hindrance, jumped ?? problem ?? storageProblem ?? trouble);
@@ -142,7 +143,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       session.reportPeaked({
         time_s,
         peaked_share: seen.peakedShare,
-        missing_share: seen.missingShare ?? 0,
+        missing_share: seen.unseenShare ?? 0,
         views: views.length,
         world_from_cam: Array.from(camera.worldFromCam.rows),
       });

@@ -48,7 +48,8 @@ export interface Look {
 export interface Seen {
   /** Peaked pixels / all pixels, of a frame or two ago; null before the first view. */
   readonly peakedShare: number | null;
-  readonly missingShare: number | null;
+  /** Pixels that no view shows / all pixels; where they are marked apart, they are peaked as well. */
+  readonly unseenShare: number | null;
   /** The views that this frame was rendered from. */
   readonly viewIds: readonly string[];
 }
@@ -61,7 +62,7 @@ const SETTLING_MS = 1000 * SETTLING_S;
 /** Exposure is measured again after so many frames: it changes slowly. */
 const GAIN_EVERY_FRAMES = 6;
 
-const NOTHING: Seen = { peakedShare: null, missingShare: null, viewIds: [] };
+const NOTHING: Seen = { peakedShare: null, unseenShare: null, viewIds: [] };
 
 export class ViewRenderer implements Disposable {
   readonly #gl: WebGL2RenderingContext;
@@ -85,7 +86,7 @@ export class ViewRenderer implements Disposable {
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
   #peakedShare: number | null = null;
-  #missingShare: number | null = null;
+  #unseenShare: number | null = null;
   #lastTime_ms = 0;
   #frame = 0;
 
@@ -140,7 +141,7 @@ export class ViewRenderer implements Disposable {
     this.#filling.choose(store, near, camera, targets);
     if (near.count === 0) {
       this.#peakedShare = null;
-      this.#missingShare = null;
+      this.#unseenShare = null;
       targets.threshold = NaN; // what is compared again is counted again
       this.#display(frame, image, targets, look, false);
       return NOTHING;
@@ -160,7 +161,7 @@ export class ViewRenderer implements Disposable {
     this.onRendered?.(this.#rendered, near, camera, targets);
     this.#display(frame, image, targets, look, true);
     this.#seen.peakedShare = this.#peakedShare;
-    this.#seen.missingShare = this.#missingShare;
+    this.#seen.unseenShare = this.#unseenShare;
     return this.#seen;
   }
 
@@ -336,14 +337,14 @@ export class ViewRenderer implements Disposable {
     const counted = targets.countsBack.take();
     if (counted !== null) {
       let peaked = 0;
-      let missing = 0;
+      let unseen = 0;
       for (let at = 0; at < counted.length; at += 4) {
         peaked += 256 * (counted[at] ?? 0) + (counted[at + 2] ?? 0);
-        missing += 256 * (counted[at + 1] ?? 0) + (counted[at + 3] ?? 0);
+        unseen += 256 * (counted[at + 1] ?? 0) + (counted[at + 3] ?? 0);
       }
       const all = targets.result.width * targets.result.height;
       this.#peakedShare = peaked / all;
-      this.#missingShare = missing / all;
+      this.#unseenShare = unseen / all;
     }
     const samples = targets.gridBack.take();
     if (samples === null) return;
@@ -398,6 +399,7 @@ export class ViewRenderer implements Disposable {
     gl.uniform1i(settle.uniform('shown'), 0);
     gl.uniform1i(settle.uniform('result'), 1);
     gl.uniform1f(settle.uniform('share'), 1 - Math.exp(-passed_ms / SETTLING_MS));
+    gl.uniform1i(settle.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
     this.#cover();
   }
 
@@ -419,6 +421,7 @@ export class ViewRenderer implements Disposable {
     gl.uniform1i(display.uniform('base'), compared && look.overlay !== 'video' ? 0 : 1);
     gl.uniform1i(display.uniform('peaks'), compared && look.overlay !== 'mpi' ? 1 : 0);
     gl.uniform1f(display.uniform('peak_opacity'), look.peakOpacity);
+    gl.uniform1i(display.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
     gl.uniform1i(display.uniform('pattern'), look.pattern ? 1 : 0);
     this.#cover();
     for (let unit = 0; unit < MAX_NEIGHBOURS; unit += 1) gl.bindSampler(unit, null);

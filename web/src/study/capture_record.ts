@@ -16,7 +16,7 @@ export interface Moment {
   canShoot: boolean;
   camera: Camera | null;
   peakedShare: number | null;
-  missingShare: number | null;
+  unseenShare: number | null;
   views: number;
 }
 
@@ -72,7 +72,7 @@ export class CaptureRecord {
     this.#sampled_s = moment.now_s;
     this.#tell('PeakedTold', moment.now_s, {
       peaked_share: moment.peakedShare,
-      missing_share: moment.missingShare ?? 0,
+      missing_share: moment.unseenShare ?? 0,
       views: moment.views,
       world_from_cam: Array.from(moment.camera.worldFromCam.rows),
     });

@@ -25,6 +25,8 @@ export interface HudState {
   readonly time_ms: number;
   readonly look: Look;
   readonly peakedShare: number | null;
+  /** What no view shows, of it; null where it is not marked apart. */
+  readonly unseenShare: number | null;
   /** How far the device's pose is off, as far as is known. */
   readonly tracking: TrackingState;
   readonly views: readonly CapturedView[];
@@ -52,6 +54,9 @@ export class Hud {
   readonly #coach = new Coach();
   readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
   readonly #share = make('strong', {}, '–');
+  readonly #shareName = make('small', {}, 'red');
+  readonly #new = make('strong', {}, '–');
+  readonly #newPart = make('span', { className: 'new', hidden: true }, this.#new, make('small', {}, 'new'));
   readonly #tracking = make('div', { className: 'tracking' });
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
@@ -86,9 +91,11 @@ export class Hud {
     this.#actions = actions;
     this.#replay = replay;
     this.#notice.ariaLive = 'polite';
-    const meter = make('div', { className: 'meter' }, this.#share, make('small', {}, 'red'),
+    const meter = make('div', { className: 'meter' },
+      make('div', { className: 'shares' }, this.#share, this.#shareName, this.#newPart),
       this.#graph, this.#tracking);
-    meter.title = `Share of red pixels. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
+    meter.title = 'Wrong: shown otherwise than it is (red). New: never captured (hatched). '
+      + `Curve: both together. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
     const tools = make('div', { className: 'tools' },
       button('', '?', 'Show the introduction again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
@@ -113,6 +120,14 @@ export class Hud {
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
+  #showShares({ peakedShare, unseenShare }: HudState): void {
+    const isApart = peakedShare !== null && unseenShare !== null;
+    show(this.#newPart, isApart);
+    say(this.#shareName, isApart ? 'wrong' : 'red');
+    say(this.#share, percent(isApart ? Math.max(peakedShare - unseenShare, 0) : peakedShare));
+    if (isApart) say(this.#new, percent(unseenShare));
+  }
+
   /** Show a state; may be called for every frame. */
   show(state: HudState): void {
     this.#state = state;
@@ -121,7 +136,7 @@ export class Hud {
     }
     if (state.time_ms - this.#numberAt_ms > NUMBER_EVERY_MS) {
       this.#numberAt_ms = state.time_ms;
-      say(this.#share, percent(state.peakedShare));
+      this.#showShares(state);
       say(this.#tracking, trackingText(state.tracking));
     }
     say(this.#notice, state.notice ?? '');

@@ -23,7 +23,7 @@ function recordOf(before: readonly string[] = [], gone_s: number | null = null) 
 
 function moment(now_s: number, more: Partial<Moment> = {}): Moment {
   return {
-    now_s, canShoot: true, camera: CAMERA, peakedShare: 0.5, missingShare: 0.1, views: 0, ...more,
+    now_s, canShoot: true, camera: CAMERA, peakedShare: 0.5, unseenShare: 0.1, views: 0, ...more,
   };
 }
 
