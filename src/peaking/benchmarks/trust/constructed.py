@@ -32,6 +32,9 @@ BAND_PX = 2
 OBJECT_SHARES = 0.004, 0.12
 """Least and greatest share of the picture of an object that is recoloured."""
 
+EDGES = 0.12, 0.2, 0.07
+"""Change of colour per pixel, L1 over RGB, that bounds an object; the first that yields one."""
+
 GHOST_PX = 7
 """How far a ghost stands beside what it is a copy of."""
 
@@ -165,24 +168,30 @@ MAKERS: dict[str, Maker] = {
 def an_object(rendering: Rendering, rng: np.random.Generator) -> Bool[np.ndarray, "h w"] | None:
     """Return something bounded by edges of depth or of colour; None where nothing has a fit size.
 
-    Of its parts that are bounded by edges, one is drawn whose share of the picture is within
+    Of the parts that are bounded by edges, one is drawn whose share of the picture is within
     `OBJECT_SHARES`.
     """
+    for edge in EDGES:
+        things = _things(rendering, edge)
+        if things:
+            return things[int(rng.integers(len(things)))]
+    return None
+
+
+def _things(rendering: Rendering, edge: float) -> list[Bool[np.ndarray, "h w"]]:
     height, width = rendering.depth_m.shape
     picture = cv2.GaussianBlur(as_picture(rendering), (0, 0), 1.2).astype(np.float32) / 255
     depth_m = np.where(rendering.depth_m > 0, rendering.depth_m, 100.0)
     log_depth = cv2.GaussianBlur(np.log(depth_m).astype(np.float32), (0, 0), 1.0)
     steps = [_steepness(picture[..., c]) for c in range(3)]
-    edges = (np.sum(steps, axis=0) > 0.12) | (_steepness(log_depth) > 0.03)
+    edges = (np.sum(steps, axis=0) > edge) | (_steepness(log_depth) > 0.03)
     inside = ~edges & shrunk(rendering.alpha >= COVERED, 3)
     count, labels, facts, _ = cv2.connectedComponentsWithStats(
         inside.astype(np.uint8), connectivity=4
     )
     least, most = (share * height * width for share in OBJECT_SHARES)
     fit = [k for k in range(1, count) if least <= facts[k, cv2.CC_STAT_AREA] <= most]
-    if not fit:
-        return None
-    return grown(labels == fit[int(rng.integers(len(fit)))], 2)
+    return [grown(labels == k, 2) for k in fit]
 
 
 def _steepness(plane: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
