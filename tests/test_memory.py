@@ -153,7 +153,7 @@ def test_the_centre_of_a_cell_is_within_half_its_size(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_both_backends_see_the_same(seed: int) -> None:
     random = np.random.default_rng(seed)
-    points_m = random.normal(size=(400, 3)).astype(np.float32) + np.float32([0, 0, 2])
+    points_m = random.normal(size=(400, 3)).astype(np.float32) + np.array([0, 0, 2], np.float32)
     radius_m = random.uniform(0.005, 0.05, 400).astype(np.float32)
     arguments = points_m, radius_m, np.eye(3), np.array([0.1, 0.0, 0.2]), PINHOLE
     slow, fast = _numpy.look(*arguments), _numba.look(*arguments)

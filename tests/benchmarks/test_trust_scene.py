@@ -259,10 +259,17 @@ def test_poses_of_drawn_scenes_agree_with_their_depth(name: str) -> None:
         inside = scene.recording.cameras[there].sees(points_m) & (depth_m > 0)
         assert known[inside].mean() > 0.7  # least measured: 0.757
         assert seen[inside & known].mean() > 0.9  # least measured: 0.929, round the table
+
+
+@pytest.mark.parametrize("name", ["desk_around", "room"])
+def test_depth_that_is_not_of_its_pose_is_found_out(name: str) -> None:
+    scene = open_trust_scene(SCENES / name)
+    here, there = scene.views[36], scene.views[37]
+    before, _ = scene.seen_truth([there], here)
     mirrored = {there: np.ascontiguousarray(scene.true_depth_m(there)[:, ::-1])}
     wrong = TrustScene(scene.recording, scene.views, scene.held_out, mirrored)
     seen, _ = wrong.seen_truth([there], here)
-    assert seen[inside].mean() < 0.6
+    assert seen.mean() < 0.7 * before.mean()  # measured: 0.43 and 0.06 of it
 
 
 def test_drawn_scenes_stay_small() -> None:

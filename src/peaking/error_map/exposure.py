@@ -67,11 +67,8 @@ class Exposure:
 
     def factors(self, width_px: int, height_px: int) -> Float32[np.ndarray, "h w"]:
         """Return what the fall-off makes of every pixel; the gain is left out."""
-        x = (np.arange(width_px) + 0.5 - 0.5 * width_px) ** 2
-        y = (np.arange(height_px) + 0.5 - 0.5 * height_px) ** 2
-        return np.exp(self.falloff * _radius_squared(x, y[:, None], width_px, height_px)).astype(
-            np.float32
-        )
+        radius_squared = _radius_squared(width_px, height_px, step_px=1)
+        return np.exp(self.falloff * radius_squared).astype(np.float32)
 
 
 SAME = Exposure(np.ones(3, np.float32), 0.0)
@@ -91,9 +88,7 @@ def measure_exposure(rendering: Rendering, live: UInt8[np.ndarray, "h w 3"]) -> 
     told = (rgba[:, 3] > OPAQUE) & _tells(ours) & _tells(theirs)
     if np.count_nonzero(told) < MIN_PIXELS:
         return SAME
-    x = np.arange(0, width, STRIDE_PX) + 0.5 - 0.5 * width
-    y = np.arange(0, height, STRIDE_PX) + 0.5 - 0.5 * height
-    r2 = _radius_squared(x**2, y[:, None] ** 2, width, height).ravel()[told]
+    r2 = _radius_squared(width, height, step_px=STRIDE_PX).ravel()[told]
     ours, theirs = ours[told], theirs[told]
     log_ratio = np.log(theirs.sum(axis=1) / ours.sum(axis=1))
     log_gain, falloff = _most_frequent(log_ratio, r2)
@@ -112,7 +107,7 @@ def measure_exposure(rendering: Rendering, live: UInt8[np.ndarray, "h w 3"]) -> 
 
 
 def _tells(rgb: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-    return (rgb > DARK).all(axis=1) & (rgb < CLIPPED).all(axis=1)
+    return (rgb.min(axis=1) > DARK) & (rgb.max(axis=1) < CLIPPED)
 
 
 def _most_frequent(
@@ -141,7 +136,9 @@ def _slope(r2: Float64[np.ndarray, "n"], log_ratio: Float64[np.ndarray, "n"]) ->
 
 
 def _radius_squared(
-    x2: Float64[np.ndarray, "w"], y2: Float64[np.ndarray, "h 1"], width_px: int, height_px: int
-) -> Float64[np.ndarray, "h w"]:
-    """Return squared distances from the middle; 1 in the corners."""
-    return (x2 + y2) / (0.25 * (width_px**2 + height_px**2))
+    width_px: int, height_px: int, *, step_px: int
+) -> Float64[np.ndarray, "rows cols"]:
+    """Return squared distances of every so many pixels from the middle; 1 in the corners."""
+    x = np.arange(0, width_px, step_px, dtype=np.float64) + 0.5 - 0.5 * width_px
+    y = np.arange(0, height_px, step_px, dtype=np.float64) + 0.5 - 0.5 * height_px
+    return (x**2 + y[:, None] ** 2) / (0.25 * (width_px**2 + height_px**2))
