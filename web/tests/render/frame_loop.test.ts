@@ -47,6 +47,9 @@ function decoded({ worldFromCam }: Camera): DecodedMpi {
   };
 }
 
+/** Thousands of frames are drawn, until the engine has compiled them: seconds, more on a busy machine. */
+const PATIENCE_MS = 60_000;
+
 /** A grid of views, 5 cm apart, of which the nearest come to the card. */
 function storeOfMany(): MpiStore {
   const decoder = { decode: async () => decoded(cameraAt(0, 0)) };
@@ -99,7 +102,7 @@ async function untilShown(draw: () => Seen): Promise<void> {
   }
 }
 
-test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', async (blend_weights) => {
+test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', { timeout: PATIENCE_MS }, async (blend_weights) => {
   using store = storeOfMany();
   using renderer = new ViewRenderer(gl, { ...OPTIONS, blend_weights });
   const frame = new Trembling();
@@ -118,7 +121,7 @@ test.each(['overlap', 'paper'] as const)('a frame makes nothing (%s)', async (bl
   expect(bytesOf(draw)).toBeLessThan(MAX_BYTES_PER_FRAME);
 });
 
-test('a frame whose pose is corrected makes nothing', async () => {
+test('a frame whose pose is corrected makes nothing', { timeout: PATIENCE_MS }, async () => {
   let asked = 0;
   const worker = class {
     postMessage(): void { asked += 1; }
