@@ -121,6 +121,17 @@ def run(
         for field, sample in zip(fields["default"], frames, strict=True)
     ]
 
+    two, two_filled = (
+        _fields(frames, neighbours=2, filling_views=filling_views) for filling_views in (0, 1)
+    )
+
+    def look(n: int) -> object:
+        """Ask the memory of three views what was never seen, by live depth."""
+        k = n % len(frames)
+        memory = fields["default"][k].light_field.memory
+        assert memory is not None
+        return memory.look(frames[k].later.camera, _depth(frames[k].later))
+
     def make_next(n: int) -> None:
         latest[0] = make(pick(n))
 
@@ -149,6 +160,9 @@ def run(
         Candidate("decode", lambda n: mpi_file.decode(files[n % len(files)])),
         Candidate("render_one", render_one),
         Candidate("align", lambda n: align(*disturbed[n % len(disturbed)])),
+        Candidate("look", look),
+        Candidate("compare_two", lambda n: _compare(two, frames, n)),
+        Candidate("compare_two_filled", lambda n: _compare(two_filled, frames, n)),
         Candidate("compare_three", lambda n: _compare(fields["default"], frames, n)),
         Candidate("compare_three_paper", lambda n: _compare(fields["paper"], frames, n)),
         Candidate("replay_frame", replay_frame),
@@ -189,16 +203,24 @@ def _depth(frame: Frame) -> np.ndarray:
 
 
 def _compare(fields: Sequence[Reconstruction], frames: Sequence[Sample], n: int) -> object:
+    """Render, blend and compare; what is remembered and the pose are candidates of their own."""
     k = n % len(frames)
     later = frames[k].later
-    return fields[k].compare(later.rgb, later.camera)
+    field = replace(fields[k].light_field, memory=None)
+    return field.compare(later.rgb, later.camera)
 
 
 def _field_of_three(options: Options, frames: Sequence[Sample]) -> list[Reconstruction]:
+    return _fields(frames, options, neighbours=3)
+
+
+def _fields(
+    frames: Sequence[Sample], options: Options = PRESETS["default"], **choices: int
+) -> list[Reconstruction]:
     """Return for every sample a scene of the frame, the later one, and the next sample's."""
     fields: list[Reconstruction] = []
     for k, sample in enumerate(frames):
-        field = Reconstruction(replace(options, neighbours=3))
+        field = Reconstruction(replace(options, **choices))
         for frame in (sample.frame, sample.later, frames[(k + 1) % len(frames)].frame):
             field.add_view(frame)
         fields.append(field)
@@ -229,6 +251,8 @@ def _add_ratios(results: dict[str, Result]) -> None:
         "render_one": ("torch_layer_loop",),
         "encode": ("generate",),
         "align": ("render_one",),
+        "look": ("compare_three",),
+        "compare_two_filled": ("compare_two",),
         "compare_three": ("render_one", "torch_layer_loop"),
         "compare_three_paper": ("render_one", "torch_layer_loop"),
     }
