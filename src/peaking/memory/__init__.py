@@ -47,8 +47,8 @@ BORDER = 0.75
 NEARER = 0.03
 """A surface this part of its depth behind what a view saw there was hidden from it."""
 
-CLEARLY_NEARER = 0.05
-"""The same where the cells say that it was seen."""
+CLEARLY_NEARER, FAR_NEARER = 0.05, 0.12
+"""The same where the cells say that it was seen: of more than a speck, and of a speck."""
 
 STEP = 1.10
 """Neighbouring samples of live depth that differ by more than this factor tell nothing."""
@@ -150,7 +150,7 @@ class Memory:
             scene_depth_m = float(np.median(live_depth_m[live_depth_m > 0]))
             asked = self._maps.asked_by(small, scene_depth_m)
             behind = module.behind(live_m, small.pinhole, asked)
-            clearly = _without_specks((live_m > 0) & (behind > CLEARLY_NEARER))
+            clearly = _without_specks(behind > CLEARLY_NEARER) | (behind > FAR_NEARER)
             by_depth = np.where(unseen, behind > NEARER, clearly)
             unseen = np.where(live_m > 0, by_depth, unseen)
         return Sight(depth_m, cell, unseen)
