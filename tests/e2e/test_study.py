@@ -209,7 +209,7 @@ def test_a_whole_participant(
             server.kill()  # the phone goes on, and tells later
         page.evaluate("pose => window.peaking.phone.setPose(pose)", moved(x_m=0.3))
         page.wait_for_timeout(600)
-        assert page.get_by_text("red", exact=True).is_visible() == red
+        assert page.get_by_text("wrong", exact=True).is_visible() == red
         picture(page, f"5-capture-{'red' if red else 'free'}", whole=False)
         if trial == "t1":
             server.start()

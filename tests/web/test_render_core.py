@@ -50,7 +50,9 @@ FLASHES_PER_S = 3.0
 SOON_MS = 350.0
 """Until what stays wrong is shown. Analysis: 200 ms · ln 4, and a frame."""
 
-OPTIONS = replace(DEFAULT, pixels=SIZE[0] * SIZE[1], compensate_exposure=False)
+OPTIONS = replace(
+    DEFAULT, pixels=SIZE[0] * SIZE[1], compensate_exposure=False, marks="paper", filling_views=0
+)
 
 
 @pytest.fixture(scope="module")

@@ -285,8 +285,7 @@ def score_pair(
     depth_m = complete(source.depth_m, source.rgb)
     photo = target.rgb.astype(np.float32) / np.float32(255.0)
     rendered = {name: method(source, depth_m, target.camera) for name, method in methods.items()}
-    exposure = measure_exposure(render_splat(source, depth_m, target.camera), target.rgb)
-    gain = exposure.gain * exposure.factors(*target.rgb.shape[1::-1])[..., None]
+    gain = measure_exposure(render_splat(source, depth_m, target.camera), target.rgb).gain
     rendered = {name: _with_gain(rendering, gain) for name, rendering in rendered.items()}
     common = np.logical_and.reduce([each.alpha > COVERED for each in rendered.values()])
     if common.mean() < 0.05:
@@ -295,7 +294,7 @@ def score_pair(
     return scores, float(common.mean())
 
 
-def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "h w 3"]) -> Rendering:
+def _with_gain(rendering: Rendering, gain: Float32[np.ndarray, "3"]) -> Rendering:
     rgb = np.minimum(rendering.rgba[..., :3] * gain, rendering.rgba[..., 3:])
     return _rendering(rgb, rendering.alpha)
 

@@ -49,7 +49,7 @@ STEPS = 3
 STIFFNESS = 0.002
 """How much the fit prefers no fall-off."""
 
-MIN_PIXELS = 50
+MIN_PIXELS = 30
 """Fewer tell nothing."""
 
 

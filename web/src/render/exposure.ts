@@ -17,7 +17,7 @@ const UNCHANGED = 0.3;
 const AGREES = 0.09;
 const STEPS = 3;
 const STIFFNESS = 0.002;
-const MIN_PIXELS = 50;
+const MIN_PIXELS = 30;
 
 /** Scratch for one number of every sample; it grows to the largest grid. */
 class Samples {

@@ -333,7 +333,7 @@ class Headset extends EventTarget {
 
   async updateRenderState(): Promise<void> { /* nothing to draw on */ }
 
-  async requestReferenceSpace(): Promise<object> { return {}; }
+  async requestReferenceSpace(): Promise<object> { return new EventTarget(); }
 
   requestAnimationFrame(next: (time_ms: number, frame: object) => void): void {
     setTimeout(next, 0, 0, {
