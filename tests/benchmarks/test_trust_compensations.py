@@ -56,7 +56,7 @@ def recall(compensation: str | None, kind: str) -> float:
     return found
 
 
-FAINT = pytest.mark.xfail(reason="faint edges fall below the threshold", strict=False)
+FAINT = pytest.mark.xfail(reason="faint edges fall below the threshold", strict=True)
 
 
 @pytest.mark.parametrize(
