@@ -9,15 +9,21 @@ uniform float threshold;
 uniform float shift_px;
 uniform bool apart; // what was never shown counts, whatever its colour
 
-out vec4 result; // peaked, unseen, error / 3, 1
+// Peaked, unseen, error / 3 (where that is below the threshold, undisplaced and so an upper bound), 1.
+out vec4 result;
 
 const float MIN_ALPHA = 0.5;
 
-vec3 rendered(ivec2 at, vec2 size) {
-  vec4 c = texelFetch(view, at, 0);
+// By how much the live picture is brighter here; a pixel aside it is the same but for a trifle.
+vec3 brighter(ivec2 at, vec2 size) {
   vec2 from_middle = vec2(at) + 0.5 - 0.5 * size;
   float falloff = exposure.a * dot(from_middle, from_middle) / (0.25 * dot(size, size));
-  return clamp((c.a > 0.0 ? c.rgb / c.a : vec3(0.0)) * exposure.rgb * exp(falloff), 0.0, 1.0);
+  return exposure.rgb * exp(falloff);
+}
+
+vec3 rendered(ivec2 at, vec3 gain) {
+  vec4 c = texelFetch(view, at, 0);
+  return clamp((c.a > 0.0 ? c.rgb / c.a : vec3(0.0)) * gain, 0.0, 1.0);
 }
 
 float l1(vec3 a, vec3 b) {
@@ -44,20 +50,20 @@ void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   ivec2 size = textureSize(view, 0);
   ivec2 last = size - 1;
-  float error;
-  if (shift_px > 0.0) {
+  vec3 gain = brighter(at, vec2(size));
+  float error = l1(rendered(at, gain), texelFetch(live, at, 0).rgb);
+  // Displaced, it can only be less.
+  if (shift_px > 0.0 && error > threshold) {
     vec3 ours[9];
     vec3 theirs[9];
     for (int y = 0; y < 3; y++) {
       for (int x = 0; x < 3; x++) {
         ivec2 there = clamp(at + ivec2(x, y) - 1, ivec2(0), last);
-        ours[3 * y + x] = rendered(there, vec2(size));
+        ours[3 * y + x] = rendered(there, gain);
         theirs[3 * y + x] = texelFetch(live, there, 0).rgb;
       }
     }
     error = max(least(ours, theirs[4]), least(theirs, ours[4]));
-  } else {
-    error = l1(rendered(at, vec2(size)), texelFetch(live, at, 0).rgb);
   }
   bool empty = texelFetch(view, at, 0).a < MIN_ALPHA;
   bool peaked = error > threshold || (apart && empty);
