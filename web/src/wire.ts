@@ -134,7 +134,7 @@ export interface Session {
   readonly captures: readonly Capture[];
 }
 
-/** What the photographer saw at one moment: at most one a second. */
+/** What the photographer saw at one moment: at most one a second. `missing_share` is what no view shows; where that is marked apart, it is part of `peaked_share`. */
 export interface PeakedSample {
   readonly time_s: number;
   readonly peaked_share: number;

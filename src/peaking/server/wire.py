@@ -248,7 +248,10 @@ class Session(Struct, frozen=True):
 
 
 class PeakedSample(Struct, frozen=True):
-    """What the photographer saw at one moment: at most one a second."""
+    """What the photographer saw at one moment: at most one a second.
+
+    `missing_share` is what no view shows; where that is marked apart, it is part of `peaked_share`.
+    """
 
     time_s: Annotated[float, Meta(ge=0, le=1e11)]
     peaked_share: Share
