@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from peaking import limits
 from peaking.datasets import transforms_json
 from peaking.datasets.nerfstudio import NerfstudioRecording, open_recording
+from peaking.datasets.point_cloud import encode_points
 from peaking.errors import OutputError, RecordingError
 from peaking.geometry import Pinhole
 from peaking.output import encode_jpeg, encode_png
@@ -255,7 +256,7 @@ def test_transparent_becomes_white(folder: Path) -> None:
 
 
 def test_a_subset_opens_again_and_is_the_same(folder: Path, tmp_path: Path) -> None:
-    (folder / "cloud.ply").write_bytes(b"ply")
+    (folder / "cloud.ply").write_bytes(encode_points(np.eye(3)))
     (folder / "masks").mkdir()
     (folder / "masks/2.png").write_bytes(encode_png(np.eye(8, dtype=np.uint8)))
     names = [f"images/frame_{i:05d}.png" for i in range(4)]
@@ -301,6 +302,56 @@ def test_a_subset_keeps_the_lens_and_endings_as_they_are(folder: Path, tmp_path:
     subset = recording.write_subset([0], tmp_path / "out")
     assert subset.cameras[0].pinhole == recording.cameras[0].pinhole
     np.testing.assert_array_equal(subset.read(0).rgb, recording.read(0).rgb)
+
+
+ASIDES = ["mask_path", "ply_file_path", "exact_depth_file_path", "materials_file_path"]
+
+
+@pytest.mark.parametrize("key", ASIDES)
+@pytest.mark.parametrize("at_top", [False, True])
+def test_what_is_beside_the_pictures_is_looked_for_at_once(
+    folder: Path, key: str, at_top: bool
+) -> None:
+    """Also where nothing needs it yet: all frames have depth."""
+    edit_json(folder, lambda top: (top if at_top else top["frames"][2]).update({key: "no.png"}))
+    error = complaint(lambda: open_recording(folder))
+    assert error.field == (key if at_top else f"frames[2].{key}")
+    assert "no file" in str(error)
+
+
+def test_a_cut_off_cloud_is_found_at_once(folder: Path) -> None:
+    (folder / "cloud.ply").write_bytes(encode_points(np.eye(3))[:-1])
+    edit_json(folder, at_top(ply_file_path="cloud.ply"))
+    edit_json(folder, lambda top: top["frames"][3].pop("depth_file_path"))
+    assert "cut off" in str(complaint(lambda: open_recording(folder)))
+
+
+def test_what_a_subset_needs_is_copied(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "r")
+    labels = encode_png(np.zeros((48, 64), np.uint8))
+    for key in ASIDES[2:]:
+        (folder / f"{key}.png").write_bytes(labels)
+        edit_json(folder, lambda top, key=key: top["frames"][1].update({key: f"{key}.png"}))
+    subset = open_recording(folder).write_subset([1, 2], tmp_path / "out")
+    assert subset.materials(0) is not None
+    assert subset.true_depth_m(0) is not None
+    assert subset.materials(1) is None
+
+
+def test_a_subset_that_cannot_be_written_is_refused_beforehand(
+    folder: Path, tmp_path: Path
+) -> None:
+    tiff = cv2.imencode(".tiff", np.zeros((48, 64, 3), np.uint8))[1].tobytes()
+    (folder / "images/frame_00002.png").write_bytes(tiff)
+    recording = open_recording(folder)
+    for act in (
+        lambda: recording.check_subset(range(4)),
+        lambda: recording.write_subset([2], tmp_path / "out"),
+    ):
+        assert "--keep-exif" in complaint(act).remedy
+    recording.check_subset([0, 1, 3])
+    recording.check_subset(range(4), keep_exif=True)
+    recording.write_subset([2], tmp_path / "out", keep_exif=True)
 
 
 @pytest.mark.parametrize("indices", [[], [0, 0], [4], [-1]])

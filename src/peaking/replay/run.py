@@ -247,8 +247,9 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
         OutputError: `out` is taken, full or not writable; it is complete or absent.
         ToolMissing: There is no program to encode the video with.
     """
-    if not options.follow_links:
-        options.recording.check_links(range(options.num_frames))
+    options.recording.check_subset(
+        range(options.num_frames), follow_links=options.follow_links, keep_exif=options.keep_exif
+    )
     with complete_or_absent(out) as folder:
         guided = _scanned(options)
         walk = Walk(options, _policy(options, guided))
