@@ -119,30 +119,38 @@ class NerfstudioRecording:
 
     @property
     def has_depth(self) -> Sequence[bool]:
-        """Which frames have a depth map."""
-        return self._columns[3]
+        """Which frames have a depth map in which anything is known.
+
+        Raises:
+            RecordingError: A depth map cannot be read: all are, when this is first asked.
+        """
+        return self._with_depth
+
+    @cached_property
+    def _with_depth(self) -> tuple[bool, ...]:
+        return tuple(self._depth_m(view) is not None for view in self.views)
 
     @cached_property
     def _columns(
         self,
-    ) -> tuple[tuple[str, ...], tuple[Camera, ...], tuple[float | None, ...], tuple[bool, ...]]:
+    ) -> tuple[tuple[str, ...], tuple[Camera, ...], tuple[float | None, ...]]:
         return (
             tuple(view.name for view in self.views),
             tuple(view.camera for view in self.views),
             tuple(view.timestamp_s for view in self.views),
-            tuple(view.depth is not None for view in self.views),
         )
 
     def read(self, index: int) -> Frame:
         """Decode one picture and its depth, and take the lens's distortion out of both.
 
-        Without a depth map, `points_m` are the points of the view's own cloud, or those of the
-        recording's that lie in the picture and are not hidden (`visible_points`).
+        A depth map in which nothing is known is none. Without one, `points_m` are the points of the
+        view's own cloud, or those of the recording's that lie in the picture and are not hidden
+        (`visible_points`).
 
         Raises:
             IndexError: There is no such view.
-            RecordingError: A file is damaged or cut off, is not what it was when the recording was
-                opened, or holds no known depth.
+            RecordingError: A file is damaged or cut off, or is not what it was when the recording
+                was opened.
         """
         view = self.views[index]
         path = self.root / view.picture
@@ -150,15 +158,12 @@ class NerfstudioRecording:
         if (rgb.shape[1], rgb.shape[0]) != view.camera.pinhole.size_px:
             problem = "changed its size after the recording was opened"
             raise RecordingError(path, problem, remedy="open the recording again")
-        depth_m = None
-        if view.depth is not None:
-            depth_m = read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
-            depth_m = view.lens.undistorted_depth(depth_m)
+        depth_m = self._depth_m(view)
         return Frame(
             name=view.name,
             rgb=view.lens.undistorted(rgb),
             camera=view.camera,
-            depth_m=depth_m,
+            depth_m=None if depth_m is None else view.lens.undistorted_depth(depth_m),
             timestamp_s=view.timestamp_s,
             points_m=self._points_m(view),
         )
@@ -285,6 +290,12 @@ class NerfstudioRecording:
 
     def _fields(self, index: int) -> Fields:
         return Fields(self.path, self.views[index].entry, {}, f"frames[{index}]")
+
+    def _depth_m(self, view: RecordedView) -> Float32[np.ndarray, "h w"] | None:
+        """Decode the depth map of a view as it is stored; None where nothing is known."""
+        if view.depth is None:
+            return None
+        return read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
 
     def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
         if view.points is None:

@@ -51,7 +51,7 @@ class Recording(Protocol):
 
     @property
     def has_depth(self) -> Sequence[bool]:
-        """Which frames have a depth map."""
+        """Which frames have depth: a map in which anything is known."""
         ...
 
     def __len__(self) -> int:
