@@ -43,7 +43,7 @@ SHUTTER_SECONDS = 0.5
 
 @dataclass(frozen=True)
 class Panels:
-    """What is shown side by side, all of the same size."""
+    """What is shown side by side: three pictures of one size."""
 
     live: UInt8[np.ndarray, "h w 3"]
     rendering: UInt8[np.ndarray, "h w 3"]
@@ -62,7 +62,7 @@ class OverlayVideo:
         """Lay the picture out.
 
         Args:
-            panel_size_px: Width and height of the pictures that will be shown.
+            panel_size_px: Width and height that every picture that will be shown fits into.
             frames: Frames of the whole replay, for the width of the curve.
             fps: Frames per second.
             threshold_share: Peaked share beyond which frames are captured.
@@ -100,18 +100,16 @@ class OverlayVideo:
         """Draw the next frame; the picture is valid until the next call.
 
         Args:
-            panels: The three pictures, of the panel size.
+            panels: The three pictures; those smaller than a panel stand in its middle.
             record: The frame; its index says where it stands on the strip.
 
         Raises:
-            ValueError: A picture has another size.
+            ValueError: A picture is larger than a panel.
         """
         for picture in (panels.live, panels.rendering, panels.peaks):
-            if (picture.shape[1], picture.shape[0]) != self.panel_size_px:
-                raise ValueError(
-                    f"need panels of {self.panel_size_px}, "
-                    f"got {picture.shape[1]}x{picture.shape[0]}"
-                )
+            (height, width), (most_width, most_height) = picture.shape[:2], self.panel_size_px
+            if width > most_width or height > most_height:
+                raise ValueError(f"need panels of {self.panel_size_px}, got {width}x{height}")
         if record.captured:
             self._captured += 1
             self._last_capture = record.index
@@ -133,9 +131,10 @@ class OverlayVideo:
         width, height = self._shown_px
         for place, (picture, (caption, note)) in enumerate(zip(pictures, captions, strict=True)):
             left = MARGIN_PX + place * (width + GAP_PX)
-            self._canvas[CAPTION_PX : CAPTION_PX + height, left : left + width] = _resized(
-                picture, self._shown_px
-            )
+            shown = _resized(picture, self._shown_size_px(picture))
+            below, beside = (height - shown.shape[0]) // 2, (width - shown.shape[1]) // 2
+            panel = self._canvas[CAPTION_PX : CAPTION_PX + height, left : left + width]
+            panel[below : below + shown.shape[0], beside : beside + shown.shape[1]] = shown
             after = draw_text(self._canvas, caption, (left, CAPTION_PX // 2), color=MUTED)
             if note:
                 high = share is not None and share > self._threshold_share
@@ -159,6 +158,15 @@ class OverlayVideo:
             x = MARGIN_PX + width - text_width_px(words)
             draw_text(self._canvas, words, (x, y), color=SHUTTER)
             _triangle(self._canvas, (x - 12, y + 1), 6)
+
+    def _shown_size_px(self, picture: UInt8[np.ndarray, "h w 3"]) -> tuple[int, int]:
+        """Return the size of a picture in its panel; all are scaled alike."""
+        (height, width), (most_width, most_height) = picture.shape[:2], self.panel_size_px
+        shown_width, shown_height = self._shown_px
+        return (
+            max(1, round(width * shown_width / most_width)),
+            max(1, round(height * shown_height / most_height)),
+        )
 
     def _extend_strip(self, record: FrameRecord) -> None:
         """Draw what this frame adds to the curve."""
