@@ -37,9 +37,6 @@ MAX_WIDTH_PX = 1920
 MIN_PANEL_WIDTH_PX = 240
 """Captions need this much room; smaller pictures are shown enlarged."""
 
-SHUTTER_SECONDS = 0.5
-"""How long the mark of a capture stays. Long enough that a single one does not flash."""
-
 
 @dataclass(frozen=True)
 class Panels:
@@ -57,14 +54,13 @@ class OverlayVideo:
     """
 
     def __init__(
-        self, panel_size_px: tuple[int, int], *, frames: int, fps: float, threshold_share: float
+        self, panel_size_px: tuple[int, int], *, frames: int, threshold_share: float
     ) -> None:
         """Lay the picture out.
 
         Args:
             panel_size_px: Width and height that every picture that will be shown fits into.
             frames: Frames of the whole replay, for the width of the curve.
-            fps: Frames per second.
             threshold_share: Peaked share beyond which frames are captured.
         """
         if frames < 1:
@@ -78,9 +74,7 @@ class OverlayVideo:
         self._threshold_share = threshold_share
         # A fixed scale: one that follows the values would move the past about.
         self._top_share = max(0.10, 2.5 * threshold_share)
-        self._hold_frames = max(1, round(SHUTTER_SECONDS * fps))
         self._captured = 0
-        self._last_capture: int | None = None
         self._last_point: tuple[int, float] | None = None
 
         shown_width, shown_height = self._shown_px
@@ -112,7 +106,6 @@ class OverlayVideo:
                 raise ValueError(f"need panels of {self.panel_size_px}, got {width}x{height}")
         if record.captured:
             self._captured += 1
-            self._last_capture = record.index
         self._extend_strip(record)
         np.copyto(self._canvas, self._empty)
         self._draw_panels(panels, record)
@@ -141,10 +134,7 @@ class OverlayVideo:
                 draw_text(
                     self._canvas, note, (after + 8, CAPTION_PX // 2), color=PEAK if high else TEXT
                 )
-        recent = self._last_capture is not None and (
-            record.index - self._last_capture < self._hold_frames
-        )
-        if recent:
+        if record.captured:
             corner = (MARGIN_PX - FRAME_PX, CAPTION_PX - FRAME_PX)
             far = (MARGIN_PX + width + FRAME_PX - 1, CAPTION_PX + height + FRAME_PX - 1)
             for inset in range(FRAME_PX):

@@ -266,7 +266,6 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
                         drawing = OverlayVideo(
                             _panel_size_px(options),
                             frames=options.num_frames,
-                            fps=options.fps,
                             threshold_share=options.selection.threshold_share,
                         )
                         writer = VideoWriter(
