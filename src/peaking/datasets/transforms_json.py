@@ -220,8 +220,8 @@ def lens_of(fields: Fields, stored_px: tuple[int, int]) -> Lens:
     """Return the lens of a frame for its stored picture, whose size may be a multiple of w, h.
 
     Raises:
-        RecordingError: A field is missing or wrong, the lens is of another kind, or the picture has
-            another aspect.
+        RecordingError: A field is missing or wrong, the lens is of another kind or folds the
+            picture, or the picture has another aspect.
     """
     _refuse_other_lenses(fields)
     by_angle = fields.get("fl_x") is None and fields.get("camera_angle_x") is not None
@@ -247,7 +247,15 @@ def lens_of(fields: Fields, stored_px: tuple[int, int]) -> Lens:
         )
     pinhole = Pinhole(width_px, height_px, fx_px, fy_px, cx_px, cy_px)
     k1, k2, p1, p2, k3 = (fields.number(key, 0.0) for key in _BENDS)
-    return Lens(pinhole, (k1, k2, p1, p2, k3)).resized(*stored_px)
+    lens = Lens(pinhole, (k1, k2, p1, p2, k3))
+    if lens.fault is not None:
+        bends = ", ".join(f"{key} {fields.number(key, 0.0):g}" for key in _BENDS)
+        raise fields.wrong(
+            next(key for key in _BENDS if fields.number(key, 0.0) != 0),
+            f"the lens would {lens.fault} ({bends})",
+            remedy="calibrate the camera again with more pictures, or with k1 and k2 alone",
+        )
+    return lens.resized(*stored_px)
 
 
 def pose_of(fields: Fields, applied_scale: float) -> Rigid[World, Cam]:
