@@ -59,9 +59,15 @@ float disc(vec2 from_middle, float radius_px) {
 // The picture itself, grey and cool: one sees what is there, and that it is not captured.
 vec3 paintUnseen(vec3 rgb, float mask, vec3 picture, vec2 at) {
   vec3 cool = 0.55 * vec3(dot(picture, vec3(1.0 / 3.0))) + 0.15 * UNSEEN;
-  float hatch = line(at.x + at.y, HATCH_PX);
-  if (pattern) hatch = max(1.8 * hatch, 1.8 * line(at.x - at.y + 1.0, HATCH_PX));
-  rgb = mix(rgb, mix(cool, UNSEEN, 0.5 * hatch), smoothstep(0.35, 0.65, mask));
+  float hatch = 0.5 * line(at.x + at.y, HATCH_PX);
+  vec3 light = UNSEEN;
+  if (pattern) {
+    // Crossed, light on dark, whatever is there.
+    hatch = max(2.0 * hatch, line(at.x - at.y, HATCH_PX));
+    light = mix(UNSEEN, vec3(1.0), 0.4);
+    cool *= 0.5;
+  }
+  rgb = mix(rgb, mix(cool, light, hatch), smoothstep(0.35, 0.65, mask));
   return mix(rgb, UNSEEN, 0.9 * border(mask));
 }
 
