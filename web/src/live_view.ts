@@ -5,10 +5,12 @@
 
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
-import { cameraOfWire, type Camera } from './geometry';
+import { cameraOfWire, type Camera, type Vector3 } from './geometry';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
+import type { Part } from './render/shares';
+import type { WhyUnfixable } from './render/touched';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
 import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
@@ -29,6 +31,8 @@ export interface LiveState {
   readonly tracking: TrackingState;
   /** That the device's world has moved, or null. */
   readonly jumped: string | null;
+  /** Towards the largest wrong area outside the picture, in axes of the camera; null: none is known. */
+  readonly towards: Vector3 | null;
 }
 
 /** Depth may be late by so many frames after tracking began before its absence is said. */
@@ -72,7 +76,7 @@ export class LiveView implements Disposable {
     this.#renderer = new ViewRenderer(gl, options);
     const tracker = new PoseTracker(gl);
     this.#tracker = tracker;
-    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null };
+    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null, towards: null };
     if (options.align_poses === true) {
       this.#renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
     }
@@ -98,6 +102,16 @@ export class LiveView implements Disposable {
 
   get frames(): number {
     return this.#frames;
+  }
+
+  /** What of the picture is visible on the screen; shares are of that. */
+  set visible(part: Part) {
+    this.#renderer.visible = part;
+  }
+
+  /** Why no view will help at a place, in shares of the picture from its top left corner; null where that is not marked. */
+  whyUnfixable(x: number, y: number): WhyUnfixable | null {
+    return this.look.overlay === 'mpi' ? null : this.#renderer.whyUnfixable(x, y);
   }
 
   /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */

@@ -4,7 +4,8 @@ import { cameraOfWire, type Camera } from '../../src/geometry';
 import { MpiDecoder } from '../../src/mpi/decoder';
 import { MpiStore } from '../../src/mpi/mpi_store';
 import { Program, ShaderError } from '../../src/render/program';
-import { ViewRenderer, type Look } from '../../src/render/view_renderer';
+import type { Part } from '../../src/render/shares';
+import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import { depthMapOf, type DepthFormat, type DepthGeometry } from '../../src/sources/depth';
 import type { DepthMap, LiveFrame, Viewport } from '../../src/sources/frame_source';
 import type { DepthTexture } from '../../src/sources/gpu_depth';
@@ -102,12 +103,12 @@ class Bench implements Disposable {
       bytesOf(live));
   }
 
-  draw(time_ms: number, look: Partial<Look> = {}, pictureId: number | null = null): void {
+  draw(time_ms: number, look: Partial<Look> = {}, pictureId: number | null = null): Seen {
     const frame: LiveFrame = {
       time_ms, camera: this.#camera, image: this.#image, framebuffer: null,
       viewport: this.viewport, pictureId, hasDepth: () => false, depth: () => null,
     };
-    this.renderer.draw(frame, this.store, { ...LOOK, ...look });
+    return this.renderer.draw(frame, this.store, { ...LOOK, ...look });
   }
 
   /** RGBA, bottom row first. */
@@ -174,6 +175,48 @@ async function flicker(
     const pixels = bench.read('display');
     return pixels[middle] === 255 && pixels[middle + 1] === 0;
   });
+}
+
+interface MarksAsked {
+  readonly look: Partial<Look>;
+  /** Of the memory: its size, and RGBA, bottom row first; null: there is none. */
+  readonly memory: { readonly width: number; readonly height: number; readonly rgba: string } | null;
+  readonly visible: Part;
+  /** Pixels of the screen per pixel of the view. */
+  readonly scale: number;
+  readonly touches: readonly (readonly [x: number, y: number])[];
+}
+
+/** Frames until what is shown has settled and was counted. */
+const SETTLED_FRAMES = 20;
+
+/** What is marked of a scene, once it has settled; and what a memory that comes later changes. */
+async function marks(scene: Scene, asked: MarksAsked): Promise<object> {
+  const { width, height } = viewportOf(scene);
+  const screen = { x: 0, y: 0, width: asked.scale * width, height: asked.scale * height };
+  using bench = new Bench(scene.options, scene.camera, scene.live, screen);
+  await bench.add(scene.mpis);
+  const { gl, renderer } = bench;
+  renderer.visible = asked.visible;
+  bench.draw(0, asked.look, 1);
+  const without = base64Of(bench.read('result'));
+  if (asked.memory !== null) {
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, asked.memory.width, asked.memory.height, 0, gl.RGBA,
+      gl.UNSIGNED_BYTE, bytesOf(asked.memory.rgba));
+    const remembered = { texture, number: 0 };
+    renderer.remembered = () => remembered;
+  }
+  let seen = bench.draw(100, asked.look, 1);
+  for (let i = 2; i < SETTLED_FRAMES; i += 1) {
+    seen = bench.draw(100 * i, asked.look, 1);
+    await new Promise(requestAnimationFrame);
+  }
+  return {
+    ...seen, without, result: base64Of(bench.read('result')), display: base64Of(bench.read('display')),
+    why: asked.touches.map(([x, y]) => renderer.whyUnfixable(x, y)), gl_error: gl.getError(),
+  };
 }
 
 /** Milliseconds of a frame whose end is waited for: median, and bytes of an MPI on the card. */
@@ -347,6 +390,6 @@ class Headset extends EventTarget {
   async end(): Promise<void> { this.dispatchEvent(new Event('end')); }
 }
 
-const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader };
+const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader, marks };
 export type Core = typeof core;
 Object.assign(window, { core });
