@@ -6,6 +6,7 @@
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
 import { cameraOfWire, type Camera, type Vector3 } from './geometry';
+import { Memory } from './memory/memory';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
@@ -51,6 +52,8 @@ export class LiveView implements Disposable {
 
   #renderer: ViewRenderer;
   readonly #tracker: PoseTracker;
+  /** Null where what is wrong is not told apart, or the card cannot. */
+  readonly #memory: Memory | null;
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
   readonly #motion = new Motion();
@@ -85,6 +88,8 @@ export class LiveView implements Disposable {
       maxResident: MAX_RESIDENT,
       onProblem: (_, error) => onProblem(`A view cannot be shown: ${String(error)}`),
     });
+    this.#memory = options.marks === 'apart' && Memory.supportedBy(gl) ? new Memory(gl, this.store) : null;
+    this.#renderer.remembered = this.#memory?.tell ?? null;
     this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
     this.#photos = new PhotoReader(gl);
     session.subscribe(() => this.#follow(session.views));
@@ -132,6 +137,7 @@ export class LiveView implements Disposable {
       void this.#take(frame, taken);
     }
     const shown = this.#tracker.shown(frame);
+    if (!this.#reading) this.#memory?.observe(shown);
     const seen = this.#reading
       ? this.#renderer.redraw(shown, this.store, this.look, this.#state.seen)
       : this.#renderer.draw(shown, this.store, this.look);
@@ -139,6 +145,7 @@ export class LiveView implements Disposable {
     this.#state.seen = seen;
     this.#state.hindrance = this.#hindrance(frame);
     this.#state.camera = frame.camera;
+    this.#state.towards = frame.camera === null ? null : this.#memory?.elsewhere(frame.camera) ?? null;
     this.#state.jumped = this.#jumps.of(
       frame.time_ms, this.#tracker.state.jumps, frame.resets ?? NO_RESETS);
   }
@@ -146,6 +153,7 @@ export class LiveView implements Disposable {
   [Symbol.dispose](): void {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
+    this.#memory?.[Symbol.dispose]();
     this.store[Symbol.dispose]();
   }
 
