@@ -279,7 +279,7 @@ export const pinholeSchema: Schema<Pinhole> = /* @__PURE__ */ record<Pinhole>({
 
 export const cameraSchema: Schema<Camera> = /* @__PURE__ */ record<Camera>({
   pinhole: pinholeSchema,
-  world_from_cam: list(number(-100000, 100000), 12, 12),
+  world_from_cam: list(number(-100000000, 100000000), 12, 12),
 });
 
 export const depthLayoutSchema: Schema<DepthLayout> = /* @__PURE__ */ record<DepthLayout>({
@@ -301,7 +301,7 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   removed: optional(flag),
   ending: optional(nullable(oneOf('erased', 'set_aside', 'undone'))),
   restorable: optional(flag),
-  corrected_world_from_cam: optional(nullable(list(number(-100000, 100000), 12, 12))),
+  corrected_world_from_cam: optional(nullable(list(number(-100000000, 100000000), 12, 12))),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -329,7 +329,7 @@ export const peakedSampleSchema: Schema<PeakedSample> = /* @__PURE__ */ record<P
   time_s: number(0, 100000000000),
   peaked_share: number(0, 1),
   views: integer(0, 1000000),
-  world_from_cam: list(number(-100000, 100000), 12, 12),
+  world_from_cam: list(number(-100000000, 100000000), 12, 12),
   wrong_share: optional(nullable(number(0, 1))),
   unseen_share: optional(nullable(number(0, 1))),
   unfixable_share: optional(nullable(number(0, 1))),

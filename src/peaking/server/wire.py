@@ -30,7 +30,8 @@ Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Size = Annotated[int, Meta(ge=1, le=8192)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Share = Annotated[float, Meta(ge=0, le=1)]
-Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
+Metres = Annotated[float, Meta(ge=-1e8, le=1e8)]
+"""Coordinates of maps (UTM, geocentric) are within it."""
 
 # Numbers of the protocol that our own client does not need.
 
