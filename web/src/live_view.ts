@@ -9,6 +9,7 @@ import { cameraOfWire, type Camera } from './geometry';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
+import type { Allowance, Governor } from './render/governor';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
 import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
@@ -43,6 +44,8 @@ const NO_RESETS: WorldResets = { followed: 0, lost: 0 };
 export class LiveView implements Disposable {
   readonly timeline = new Timeline();
   readonly store: MpiStore;
+  /** What gives way on a slow device; null: nothing does. */
+  governor: Governor | null = null;
   look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 
   #renderer: ViewRenderer;
@@ -96,6 +99,14 @@ export class LiveView implements Disposable {
     return this.#tracker;
   }
 
+  /** How far the governor went, for tests and for whoever looks why a picture is coarse. */
+  get pace(): { readonly level: number; readonly frame_ms: number; readonly pixels: number } | null {
+    if (this.governor === null) return null;
+    const view = this.#renderer.targets()?.view;
+    const pixels = view === undefined ? 0 : view.width * view.height;
+    return { level: this.governor.level, frame_ms: this.governor.frame_ms, pixels };
+  }
+
   get frames(): number {
     return this.#frames;
   }
@@ -108,6 +119,7 @@ export class LiveView implements Disposable {
   /** To be called for every frame of the source. */
   draw(frame: LiveFrame): void {
     this.#frames += 1;
+    if (this.governor?.frame(frame.time_ms) === true) this.#allow(this.governor.allowance);
     this.#motion.update(frame.time_ms, frame.camera);
     this.#lookForDepth(frame);
     const taken = this.#wanted;
@@ -133,6 +145,11 @@ export class LiveView implements Disposable {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
     this.store[Symbol.dispose]();
+  }
+
+  #allow(allowance: Allowance): void {
+    this.#renderer.allow(allowance);
+    this.#tracker.every_ms = allowance.alignEvery_ms;
   }
 
   async #take(frame: LiveFrame, taken: (captureId: string) => void): Promise<void> {

@@ -8,6 +8,7 @@ import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
 import { LiveView, type Hindrance } from './live_view';
+import { governorOf } from './render/governor';
 import { Api } from './server/api';
 import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
@@ -28,6 +29,8 @@ export interface Inspection {
   tracking(): TrackingState & {
     readonly succeeded: number; readonly failed: number; readonly took_ms: number | null;
   };
+  /** What gives way on a slow device; null when nothing may. */
+  pace(): { readonly level: number; readonly frame_ms: number; readonly pixels: number } | null;
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
@@ -94,6 +97,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
+  live.governor = governorOf(query, info.options);
   const shoot = (): void => {
     if (rules.mayShoot) live.shoot(() => { problem = null; hud.confirm(); });
   };
@@ -264,6 +268,7 @@ function inspectionOf(
       ...live.state.tracking,
       succeeded: live.tracker.succeeded, failed: live.tracker.failed, took_ms: live.tracker.took_ms,
     }),
+    pace: () => live.pace,
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,

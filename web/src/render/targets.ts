@@ -48,7 +48,7 @@ export class Targets implements Disposable {
   asked = false;
 
   constructor(
-    gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
+    private readonly gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
   ) {
     const ofView = (): Target => new Target(gl, width, height);
     this.filling = Array.from({ length: filling }, () => ({ target: ofView(), mpi: null }));
@@ -68,6 +68,16 @@ export class Targets implements Disposable {
     this.grid = new Target(
       gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
     this.gridBack = new ReadBack(gl, this.grid);
+  }
+
+  /** Show what others of another size show, so that no mark flashes when the size changes. */
+  goOnFrom({ shown }: Targets): void {
+    const { gl } = this;
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, shown.framebuffer);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.shown.framebuffer);
+    gl.blitFramebuffer(
+      0, 0, shown.width, shown.height, 0, 0, this.shown.width, this.shown.height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
   }
 
   swapShown(): void {

@@ -18,6 +18,7 @@ import countFragment from './count.frag.glsl?raw';
 import displayFragment from './display.frag.glsl?raw';
 import { GAIN_STRIDE, measureExposure } from './exposure';
 import { Filling } from './filling';
+import { LEVELS, type Allowance } from './governor';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
@@ -82,6 +83,7 @@ export class ViewRenderer implements Disposable {
   /** Hears of every frame what was rendered, with a number that goes up when that or the picture is new. */
   onRendered: ((number: number, near: NearViews, camera: Camera, targets: Targets) => void) | null = null;
   #rendered = 0;
+  #allowance = LEVELS[0];
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
@@ -122,6 +124,13 @@ export class ViewRenderer implements Disposable {
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  }
+
+  /** Render no more than this from now on. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#near.most = allowance.blended;
+    this.#filling.most = allowance.filling;
   }
 
   /** Render, compare and draw one frame. Leaves the frame's framebuffer bound. */
@@ -199,15 +208,17 @@ export class ViewRenderer implements Disposable {
 
   #targetsFor(camera: Camera): Targets {
     const { width_px, height_px } = camera.pinhole;
-    const scale = Math.sqrt(this.#options.pixels / (width_px * height_px));
+    const scale = Math.sqrt(this.#options.pixels * this.#allowance.pixels / (width_px * height_px));
     const width = Math.max(1, Math.round(width_px * scale));
     const height = Math.max(1, Math.round(height_px * scale));
-    if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
-      this.#targets?.[Symbol.dispose]();
-      this.#targets = new Targets(
-        this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
-    }
-    return this.#targets;
+    const before = this.#targets;
+    if (before?.live.width === width && before.live.height === height) return before;
+    const targets = new Targets(
+      this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
+    if (before !== null) targets.goOnFrom(before);
+    before?.[Symbol.dispose]();
+    this.#targets = targets;
+    return targets;
   }
 
   #shrink(image: WebGLTexture, camera: Camera, targets: Targets): void {
