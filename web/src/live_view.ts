@@ -9,7 +9,7 @@ import { cameraOfWire, type Camera } from './geometry';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
-import type { Allowance, Governor } from './render/governor';
+import { LEVELS, type Allowance, type Governor } from './render/governor';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
 import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
@@ -30,6 +30,18 @@ export interface LiveState {
   readonly tracking: TrackingState;
   /** That the device's world has moved, or null. */
   readonly jumped: string | null;
+}
+
+/** How much a frame draws. */
+export interface Pace {
+  /** Of the governor, and the time that it goes by; null where there is none. */
+  readonly level: number | null;
+  readonly frame_ms: number | null;
+  readonly allowance: Allowance;
+  /** Of the rendering. */
+  readonly pixels: number;
+  /** Views that fill what the blended ones leave empty. */
+  readonly filling: number;
 }
 
 /** Depth may be late by so many frames after tracking began before its absence is said. */
@@ -61,6 +73,7 @@ export class LiveView implements Disposable {
   #busy = false;
   /** The card is giving its pixels. */
   #reading = false;
+  #allowance = LEVELS[0];
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
@@ -99,12 +112,16 @@ export class LiveView implements Disposable {
     return this.#tracker;
   }
 
-  /** How far the governor went, for tests and for whoever looks why a picture is coarse. */
-  get pace(): { readonly level: number; readonly frame_ms: number; readonly pixels: number } | null {
-    if (this.governor === null) return null;
-    const view = this.#renderer.targets()?.view;
-    const pixels = view === undefined ? 0 : view.width * view.height;
-    return { level: this.governor.level, frame_ms: this.governor.frame_ms, pixels };
+  /** What is drawn, for tests, benchmarks, and whoever looks why a picture is coarse. */
+  get pace(): Pace {
+    const targets = this.#renderer.targets();
+    return {
+      level: this.governor?.level ?? null,
+      frame_ms: this.governor?.frame_ms ?? null,
+      allowance: this.#allowance,
+      pixels: targets === null ? 0 : targets.view.width * targets.view.height,
+      filling: targets === null ? 0 : targets.filling.filter(({ mpi }) => mpi !== null).length,
+    };
   }
 
   get frames(): number {
@@ -116,10 +133,17 @@ export class LiveView implements Disposable {
     if (this.#state.hindrance === null) this.#wanted = taken;
   }
 
+  /** Do no more than this from now on, or until the governor says otherwise. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#renderer.allow(allowance);
+    this.#tracker.every_ms = allowance.alignEvery_ms;
+  }
+
   /** To be called for every frame of the source. */
   draw(frame: LiveFrame): void {
     this.#frames += 1;
-    if (this.governor?.frame(frame.time_ms) === true) this.#allow(this.governor.allowance);
+    if (this.governor?.frame(frame.time_ms) === true) this.allow(this.governor.allowance);
     this.#motion.update(frame.time_ms, frame.camera);
     this.#lookForDepth(frame);
     const taken = this.#wanted;
@@ -145,11 +169,6 @@ export class LiveView implements Disposable {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
     this.store[Symbol.dispose]();
-  }
-
-  #allow(allowance: Allowance): void {
-    this.#renderer.allow(allowance);
-    this.#tracker.every_ms = allowance.alignEvery_ms;
   }
 
   async #take(frame: LiveFrame, taken: (captureId: string) => void): Promise<void> {

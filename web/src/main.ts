@@ -7,8 +7,8 @@ import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
-import { LiveView, type Hindrance } from './live_view';
-import { governorOf } from './render/governor';
+import { LiveView, type Hindrance, type Pace } from './live_view';
+import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
 import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
@@ -29,8 +29,8 @@ export interface Inspection {
   tracking(): TrackingState & {
     readonly succeeded: number; readonly failed: number; readonly took_ms: number | null;
   };
-  /** What gives way on a slow device; null when nothing may. */
-  pace(): { readonly level: number; readonly frame_ms: number; readonly pixels: number } | null;
+  pace(): Pace;
+  allow(allowance: Allowance): void;
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
@@ -269,6 +269,7 @@ function inspectionOf(
       succeeded: live.tracker.succeeded, failed: live.tracker.failed, took_ms: live.tracker.took_ms,
     }),
     pace: () => live.pace,
+    allow: (allowance) => live.allow(allowance),
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,

@@ -193,7 +193,7 @@ export class ViewRenderer implements Disposable {
   }
 
   /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
-  targets(): Readonly<Record<'view' | 'result' | 'live', Target>> | null {
+  targets(): Readonly<Pick<Targets, 'view' | 'result' | 'live' | 'filling'>> | null {
     return this.#targets;
   }
 
