@@ -10,6 +10,7 @@ import { Memory } from './memory/memory';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
+import { LEVELS, type Allowance, type Governor } from './render/governor';
 import type { Part } from './render/shares';
 import type { WhyUnfixable } from './render/touched';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
@@ -36,6 +37,18 @@ export interface LiveState {
   readonly towards: Vector3 | null;
 }
 
+/** How much a frame draws. */
+export interface Pace {
+  /** Of the governor, and the time that it goes by; null where there is none. */
+  readonly level: number | null;
+  readonly frame_ms: number | null;
+  readonly allowance: Allowance;
+  /** Of the rendering. */
+  readonly pixels: number;
+  /** Views that fill what the blended ones leave empty. */
+  readonly filling: number;
+}
+
 /** Depth may be late by so many frames after tracking began before its absence is said. */
 const DEPTH_PATIENCE_FRAMES = 15;
 
@@ -48,6 +61,8 @@ const NO_RESETS: WorldResets = { followed: 0, lost: 0 };
 export class LiveView implements Disposable {
   readonly timeline = new Timeline();
   readonly store: MpiStore;
+  /** What gives way on a slow device; null: nothing does. */
+  governor: Governor | null = null;
   look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 
   #renderer: ViewRenderer;
@@ -65,6 +80,7 @@ export class LiveView implements Disposable {
   #busy = false;
   /** The card is giving its pixels. */
   #reading = false;
+  #allowance = LEVELS[0];
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
@@ -105,6 +121,18 @@ export class LiveView implements Disposable {
     return this.#tracker;
   }
 
+  /** What is drawn, for tests, benchmarks, and whoever looks why a picture is coarse. */
+  get pace(): Pace {
+    const targets = this.#renderer.targets();
+    return {
+      level: this.governor?.level ?? null,
+      frame_ms: this.governor?.frame_ms ?? null,
+      allowance: this.#allowance,
+      pixels: targets === null ? 0 : targets.view.width * targets.view.height,
+      filling: targets === null ? 0 : targets.filling.filter(({ mpi }) => mpi !== null).length,
+    };
+  }
+
   get frames(): number {
     return this.#frames;
   }
@@ -124,9 +152,17 @@ export class LiveView implements Disposable {
     if (this.#state.hindrance === null) this.#wanted = taken;
   }
 
+  /** Do no more than this from now on, or until the governor says otherwise. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#renderer.allow(allowance);
+    this.#tracker.every_ms = allowance.alignEvery_ms;
+  }
+
   /** To be called for every frame of the source. */
   draw(frame: LiveFrame): void {
     this.#frames += 1;
+    if (this.governor?.frame(frame.time_ms) === true) this.allow(this.governor.allowance);
     this.#motion.update(frame.time_ms, frame.camera);
     this.#lookForDepth(frame);
     const taken = this.#wanted;
