@@ -12,7 +12,7 @@ import pytest
 
 from peaking.cli import main
 from peaking.datasets import open_recording
-from peaking.geometry import Camera, Rigid
+from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.output import SATURATED_MM, depth_mm, encode_png
 from peaking.selection.registry import POLICIES
 from peaking.server import wire
@@ -81,6 +81,25 @@ def test_a_recording_plays_what_is_too_far_as_unknown(tmp_path: Path) -> None:
     sent = PlayedRecording("far", open_recording(folder)).depth(0)
     assert sent is not None
     assert np.frombuffer(sent, "<u2")[:3].tolist() == [60000, 0, 4500]
+
+
+def test_a_phone_may_be_turned_in_between(tmp_path: Path) -> None:
+    """Portrait and landscape in one recording: each by its own camera."""
+    cameras = [
+        camera if i % 2 else Camera(Pinhole(64, 48, 43.2, 43.2, 33.0, 23.5), camera.world_from_cam)
+        for i, camera in enumerate(lateral_cameras(6, 48, 64))
+    ]
+    folder = write_recording(tmp_path / "turned", cameras=cameras)
+    top = transforms_json(cameras)
+    for frame, camera in zip(top["frames"], cameras, strict=True):
+        k = camera.pinhole
+        frame |= {"w": k.width_px, "h": k.height_px, "cx": k.cx_px, "cy": k.cy_px}
+        frame |= {"fl_x": k.fx_px, "fl_y": k.fy_px}
+    (folder / "transforms.json").write_text(json.dumps(top))
+    out = tmp_path / "out"
+    main(["replay", str(folder), "--out", str(out), "--pixels", "3072", "--num-planes", "8"])
+    assert json.loads((out / "summary.json").read_text())["frames"] == 6
+    assert (out / "overlay.mp4").stat().st_size > 1000
 
 
 UTM_M = np.array([448262.25, 5411932.5, 120.0])

@@ -7,7 +7,8 @@ import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
-import { LiveView, type Hindrance } from './live_view';
+import { LiveView, type Hindrance, type Pace } from './live_view';
+import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
 import { WHOLE } from './render/shares';
 import type { FrameSource, LiveFrame } from './sources/frame_source';
@@ -32,6 +33,8 @@ export interface Inspection {
   tracking(): TrackingState & {
     readonly succeeded: number; readonly failed: number; readonly took_ms: number | null;
   };
+  pace(): Pace;
+  allow(allowance: Allowance): void;
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
@@ -98,6 +101,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
+  live.governor = governorOf(query, info.options);
   const shoot = (): void => {
     if (rules.mayShoot) live.shoot(() => { problem = null; hud.confirm(); });
   };
@@ -286,6 +290,8 @@ function inspectionOf(
       ...live.state.tracking,
       succeeded: live.tracker.succeeded, failed: live.tracker.failed, took_ms: live.tracker.took_ms,
     }),
+    pace: () => live.pace,
+    allow: (allowance) => live.allow(allowance),
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,

@@ -169,13 +169,15 @@ def _looked_through(
                 cols, rows = size_px[k, 0], size_px[k, 1]
                 if not (u >= 0 and v >= 0 and u < cols and v < rows):
                     continue
+                if not depth_m[first[k] + int(v) * cols + int(u)] > np.float32(0.0):
+                    continue
                 nearest = nothing
                 for row in range(max(int(v) - 1, 0), min(int(v) + 2, rows)):
                     for col in range(max(int(u) - 1, 0), min(int(u) + 2, cols)):
                         seen_m = depth_m[first[k] + row * cols + col]
                         if seen_m > np.float32(0.0):
                             nearest = min(nearest, seen_m)
-                if nearest < nothing and z_m < np.float32(1.0 - THROUGH) * nearest:
+                if z_m < np.float32(1.0 - THROUGH) * nearest:
                     count += 1
                     if count >= MIN_THROUGH:
                         through[y, x] = True

@@ -84,7 +84,7 @@ def looked_through(
         seen_m = _map_of(asked, k)
         known_m = np.where(seen_m > 0, seen_m, np.float32(NOWHERE_M))
         nearest_m = cv2.erode(known_m, np.ones((3, 3), np.uint8))[v, u]
-        told = inside & (nearest_m < NOWHERE_M)
+        told = inside & (seen_m[v, u] > 0)
         count += told & (z_m < (1.0 - THROUGH) * nearest_m)
     return (live_m > 0) & (count >= MIN_THROUGH)
 

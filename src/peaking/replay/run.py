@@ -17,7 +17,7 @@ import numpy as np
 import peaking
 from peaking.datasets import Recording
 from peaking.errors import RecordingError
-from peaking.frame import Frame
+from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
 from peaking.light_field import Comparison
 from peaking.mpi import Mpi
@@ -264,9 +264,8 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
                 if options.with_video:
                     if video is None:
                         drawing = OverlayVideo(
-                            size_px,
+                            _panel_size_px(options),
                             frames=options.num_frames,
-                            fps=options.fps,
                             threshold_share=options.selection.threshold_share,
                         )
                         writer = VideoWriter(
@@ -309,6 +308,15 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
             folder / "report.html", summary=summary, records=records, stills=stills.stills()
         )
     return summary
+
+
+def _panel_size_px(options: ReplayOptions) -> tuple[int, int]:
+    """Return a size that all frames fit into: a phone may be turned in between."""
+    sizes_px = [
+        working_size_px(*camera.pinhole.size_px, pixels=options.method.pixels)
+        for camera in options.recording.cameras[: options.num_frames]
+    ]
+    return max(width for width, _ in sizes_px), max(height for _, height in sizes_px)
 
 
 def _scanned(options: ReplayOptions) -> GuidedWalk | None:

@@ -26,6 +26,18 @@ export class Settled implements Disposable {
     this.gl.viewport(0, 0, this.levels.width, this.levels.height);
   }
 
+  /** Be what others of another size are. */
+  goOnFrom({ levels, states }: Settled): void {
+    const { gl } = this;
+    for (const [from, to] of [[levels, this.levels], [states, this.states]] as const) {
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from.framebuffer);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to.framebuffer);
+      gl.blitFramebuffer(
+        0, 0, from.width, from.height, 0, 0, to.width, to.height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    }
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
+  }
+
   [Symbol.dispose](): void {
     this.gl.deleteFramebuffer(this.#framebuffer);
     this.levels[Symbol.dispose]();

@@ -71,6 +71,11 @@ export class Targets implements Disposable {
     this.gridBack = new ReadBack(gl, this.grid);
   }
 
+  /** Show what others of another size show, so that no mark flashes when the size changes. */
+  goOnFrom({ shown }: Targets): void {
+    this.shown.goOnFrom(shown);
+  }
+
   swapShown(): void {
     const { shown } = this;
     this.shown = this.shownBefore;

@@ -17,6 +17,7 @@ import compareFragment from './compare.frag.glsl?raw';
 import displayFragment from './display.frag.glsl?raw';
 import { GAIN_STRIDE, measureExposure } from './exposure';
 import { Filling, type Drawing } from './filling';
+import { LEVELS, type Allowance } from './governor';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
@@ -91,6 +92,7 @@ export class ViewRenderer implements Disposable {
   /** What the result was compared with; -1: no memory. */
   #rememberedNumber = -1;
   #rendered = 0;
+  #allowance = LEVELS[0];
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
@@ -131,6 +133,13 @@ export class ViewRenderer implements Disposable {
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  }
+
+  /** Render no more than this from now on. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#near.most = allowance.blended;
+    this.#filling.most = allowance.filling;
   }
 
   /** Render, compare and draw one frame. Leaves the frame's framebuffer bound. */
@@ -200,7 +209,7 @@ export class ViewRenderer implements Disposable {
   }
 
   /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
-  targets(): Readonly<Record<'view' | 'result' | 'live', Target>> | null {
+  targets(): Readonly<Pick<Targets, 'view' | 'result' | 'live' | 'filling'>> | null {
     return this.#targets;
   }
 
@@ -230,15 +239,17 @@ export class ViewRenderer implements Disposable {
 
   #targetsFor(camera: Camera): Targets {
     const { width_px, height_px } = camera.pinhole;
-    const scale = Math.sqrt(this.#options.pixels / (width_px * height_px));
+    const scale = Math.sqrt(this.#options.pixels * this.#allowance.pixels / (width_px * height_px));
     const width = Math.max(1, Math.round(width_px * scale));
     const height = Math.max(1, Math.round(height_px * scale));
-    if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
-      this.#targets?.[Symbol.dispose]();
-      this.#targets = new Targets(
-        this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
-    }
-    return this.#targets;
+    const before = this.#targets;
+    if (before?.live.width === width && before.live.height === height) return before;
+    const targets = new Targets(
+      this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
+    if (before !== null) targets.goOnFrom(before);
+    before?.[Symbol.dispose]();
+    this.#targets = targets;
+    return targets;
   }
 
   #shrink(image: WebGLTexture, camera: Camera, targets: Targets): void {

@@ -9,6 +9,7 @@ import {
 import { Motion } from '../../src/motion';
 import type { DecodedMpi } from '../../src/mpi/decode';
 import { MpiStore } from '../../src/mpi/mpi_store';
+import { LEVELS } from '../../src/render/governor';
 import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
 import { PoseTracker } from '../../src/tracking/pose_tracker';
@@ -151,4 +152,24 @@ test('transforms are written into what is handed in', () => {
   const out = pinholeScratch();
   expect(resized(PINHOLE, 200, 400, out)).toBe(out);
   expect(out).toEqual(resized(PINHOLE, 200, 400));
+});
+
+test('what is taken away is not drawn, and comes back', async () => {
+  using store = storeOfMany();
+  using renderer = new ViewRenderer(gl, OPTIONS);
+  const frame = new Trembling();
+  const draw = (): Seen => renderer.draw(frame.next(), store, LOOK);
+  await untilShown(draw);
+  const size = (): readonly number[] => {
+    const view = renderer.targets()?.view;
+    return [view?.width ?? 0, view?.height ?? 0];
+  };
+  expect(size()).toEqual([200, 400]);
+  for (const { pixels, blended, filling } of [{ pixels: 1 / 4, blended: 2, filling: 1 }, LEVELS[0]]) {
+    renderer.allow({ pixels, blended, filling, alignEvery_ms: 60 });
+    const { viewIds } = draw();
+    expect(viewIds).toHaveLength(Math.min(OPTIONS.neighbours, blended));
+    expect(size()).toEqual([200 * Math.sqrt(pixels), 400 * Math.sqrt(pixels)]);
+    expect(draw().viewIds).toBe(viewIds);
+  }
 });

@@ -1,0 +1,138 @@
+"""What each part of a frame costs in the client: one page draws with it and without it, in turn.
+
+The phone's numbers tremble while its picture stands still, so every view is rendered and compared
+again at every frame, and the drawn room is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from peaking.benchmarks.live_phone import LivePhone, upload_body
+from peaking.frame import Frame
+from peaking.geometry import Cam, Camera, Rigid, World
+
+ROUNDS = 7
+SPAN_MS = 2000
+FEW, MANY = 10, 300
+"""Views of the two sessions that are compared."""
+FAR_M = 50.0
+"""The views of the long session that are never among the nearest are so far away."""
+
+TREMBLE = """() => {
+  let t = 0;
+  const step = () => {
+    t += 1;
+    window.peaking.phone.setDrift(0.001 * Math.sin(t), 0.001 * Math.cos(t), 0, 0);
+    requestAnimationFrame(step);
+  };
+  step();
+}"""
+ALLOW = """part => {
+  const all = { ...window.peaking.pace().allowance, pixels: 1, blended: Infinity };
+  const without = { ...all, filling: 0, alignEvery_ms: Infinity };
+  if ('memory' in all) without.memory = false;
+  const parts = {
+    bare: {}, fill: { filling: Infinity }, align: { alignEvery_ms: 60 }, memory: { memory: true },
+  };
+  window.peaking.allow({ ...without, ...parts[part] });
+}"""
+PARTS = ("fill", "align", "memory")
+"""What is measured beside the bare frame; `memory` where the client has it."""
+
+
+def frame_parts(page: Any) -> dict[str, object]:
+    """Measure a page of the virtual phone whose views leave something empty where it is held.
+
+    The page must have been opened with `governor=off`. Times are medians over rounds; ratios are
+    medians of each round's.
+    """
+    page.evaluate(TREMBLE)
+    knows_memory = page.evaluate("'memory' in window.peaking.pace().allowance")
+    parts = [part for part in PARTS if part != "memory" or knows_memory]
+    took_ms: dict[str, list[float]] = {part: [] for part in ("bare", *parts)}
+    worker_ms: list[float] = []
+    filling: list[int] = []
+    for _ in range(ROUNDS):
+        for part, times in took_ms.items():
+            page.evaluate(ALLOW, part)
+            page.wait_for_timeout(SPAN_MS / 4)  # until what fills has been chosen
+            times.append(frame_ms(page))
+            if part == "fill":
+                filling.append(page.evaluate("window.peaking.pace().filling"))
+            if part == "align":
+                worker_ms.append(page.evaluate("window.peaking.tracking().took_ms") or np.nan)
+    return {
+        "size": page.evaluate("window.peaking.pace().pixels"),
+        "rounds": ROUNDS,
+        "frame_ms": {part: round(float(np.median(times)), 1) for part, times in took_ms.items()},
+        "over_bare": {
+            part: round(float(np.median(np.divide(took_ms[part], took_ms["bare"]))), 2)
+            for part in parts
+        },
+        "filling_views": float(np.median(filling)),
+        "align_worker_ms": round(float(np.nanmedian(worker_ms)), 1),
+    }
+
+
+def frame_ms(page: Any) -> float:
+    """Return the mean time from frame to frame, milliseconds, over a span."""
+    before, begin_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
+    page.wait_for_timeout(SPAN_MS)
+    after, end_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
+    return (end_ms - begin_ms) / max(after - before, 1)
+
+
+def long_sessions(address: str, frames: Sequence[Frame]) -> dict[int, str]:
+    """Upload a session of 10 views and one of 300, which has 290 more, far away; return their ids.
+
+    Args:
+        address: Of the server.
+        frames: At least ten, with depth. The first is put where the virtual phone begins.
+    """
+    sessions: dict[int, str] = {}
+    turned: Rigid[World, Cam] = Rigid(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    room_from_world = turned @ frames[0].camera.world_from_cam.inverse()
+    near = [
+        replace(f, camera=Camera(f.camera.pinhole, room_from_world @ f.camera.world_from_cam))
+        for f in frames[:FEW]
+    ]
+    for count in (FEW, MANY):
+        phone = LivePhone(address, f"{count} views")
+        far = [_moved(near[k % len(near)], k) for k in range(count - len(near))]
+        for frame in (*near, *far):
+            phone.capture(upload_body(frame), fetch=False)
+        phone.close()
+        sessions[count] = phone.session_id
+    return sessions
+
+
+def many_over_few(pages: Mapping[int, Any]) -> dict[str, object]:
+    """Compare frames among 300 views with frames among 10, in turn, of the same nearest views.
+
+    Args:
+        pages: By number of views, opened with `governor=off`; what they show is on the card.
+    """
+    for page in pages.values():
+        page.evaluate(TREMBLE)
+    took_ms: dict[int, list[float]] = {count: [] for count in pages}
+    for _ in range(ROUNDS):
+        for count, page in pages.items():
+            page.bring_to_front()
+            page.wait_for_timeout(SPAN_MS / 4)
+            took_ms[count].append(frame_ms(page))
+    return {
+        **{f"{count}_ms": round(float(np.median(times)), 1) for count, times in took_ms.items()},
+        "ratio": round(float(np.median(np.divide(took_ms[MANY], took_ms[FEW]))), 2),
+    }
+
+
+def _moved(frame: Frame, number: int) -> Frame:
+    camera = frame.camera
+    away_m = np.array([FAR_M, 0.3 * (number // 20), 0.3 * (number % 20)])
+    pose: Rigid[World, Cam] = Rigid(camera.world_from_cam.rotation, camera.position_m + away_m)
+    return replace(frame, camera=Camera(camera.pinhole, pose))
