@@ -196,6 +196,38 @@ def test_what_no_view_has_seen_is_peaked_whatever_its_colour(backend: Backend) -
     np.testing.assert_array_equal(errors.peaked, [[True, True, False]])
 
 
+@pytest.mark.parametrize(
+    ("shown", "live", "unfixable"),
+    [
+        ((0.9, 0.8, 0.65), (255, 252, 250), True),
+        ((0.9, 0.8, 0.65), (255, 252, 249), False),  # the camera still tells
+        ((0.2, 0.1, 0.0), (255, 255, 255), False),  # a dark ghost on a white wall
+        ((0.95, 0.95, 0.95), (255, 255, 255), False),  # not wrong at all
+    ],
+)
+def test_no_view_helps_where_the_camera_is_blinded(
+    shown: tuple[float, float, float], live: tuple[int, int, int], unfixable: bool
+) -> None:
+    view, picture = one_pixel(*shown, 1.0), np.array([[live]], np.uint8)
+    errors = compare(view, picture, compensate_exposure=False)
+    assert bool(errors.unfixable[0, 0]) is unfixable
+    assert errors.peaked_share == float(bool(errors.error[0, 0] > 0.3) and not unfixable)
+    plain = compare(view, picture, compensate_exposure=False, marks="paper")
+    assert plain.unfixable_share == 0.0
+    assert plain.peaked_share == float(errors.error[0, 0] > 0.3)
+
+
+def test_exposure_decides_what_is_bright() -> None:
+    rgb = np.full((96, 96, 3), 0.3) + np.linspace(0, 0.1, 96)[:, None, None]
+    view = rgb.copy()
+    view[:24, :24] = (0.4, 0.38, 0.35)
+    live = 2 * rgb
+    live[:24, :24] = 1.0
+    errors = compare(opaque(view), as_live(live))
+    assert errors.unfixable[:24, :24].mean() > 0.9
+    assert errors.unfixable[24:, 24:].mean() == 0.0
+
+
 @given(
     seed=st.integers(0, 2**31),
     shift_px=st.sampled_from((0.0, 0.3, 0.5, 1.0)),

@@ -71,7 +71,7 @@ def test_a_link_that_leaves_is_read_but_not_copied(
     recording = open_recording(folder)
     recording.read(1)
     for act in (
-        lambda: recording.check_links(range(4)),
+        lambda: recording.check_subset(range(4)),
         lambda: recording.write_subset([0, 1], tmp_path / "out"),
     ):
         with pytest.raises(RecordingError, match=r"link that leaves the recording.*--follow-links"):

@@ -41,6 +41,10 @@ RIGID_TOLERANCE = 1e-3
 files within 1e-4."""
 
 
+FAR_M = 1000.0
+"""Farther from the origin than this, float32 coordinates are counted from another point."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rigid(Generic[To, From]):
     """A rotation and a translation: `p_to = rotation @ p_from + translation_m`."""
@@ -196,6 +200,11 @@ class Camera:
         """The viewing direction, in the world."""
         return self.world_from_cam.rotation[:, 2]
 
+    def relative_to(self, origin_m: Float64[np.ndarray, "3"]) -> Camera:
+        """Return the same camera in a world whose origin is at a point of this one."""
+        here = self.world_from_cam
+        return Camera(self.pinhole, Rigid(here.rotation, here.translation_m - origin_m))
+
     def resized(self, width_px: int, height_px: int) -> Camera:
         """Return the same camera with another number of pixels."""
         return Camera(self.pinhole.resized(width_px, height_px), self.world_from_cam)
@@ -216,6 +225,15 @@ class Camera:
         xy_px, depth_m = self.project(points_m)
         inside = (xy_px >= 0).all(axis=-1) & (xy_px <= self.pinhole.size_px).all(axis=-1)
         return (depth_m > 0) & inside
+
+
+def near_origin_m(cameras: Sequence[Camera]) -> Float64[np.ndarray, "3"]:
+    """Return a point, in whole metres, near which float32 is fine enough for what cameras see.
+
+    It is the world's origin where the cameras are within `FAR_M` of it: float32 has 0.06 mm there.
+    """
+    middle_m = np.stack([camera.position_m for camera in cameras]).mean(axis=0)
+    return np.rint(middle_m) if np.linalg.norm(middle_m) > FAR_M else np.zeros(3)
 
 
 def seen_by(

@@ -19,12 +19,15 @@ from typing import cast
 import cv2
 import numpy as np
 import simplejpeg
-from jaxtyping import UInt8, UInt16
+from jaxtyping import Float, UInt8, UInt16
 
 from peaking.errors import OutputError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says when a disk is full, or the share of it that one may use."""
+
+SATURATED_MM = 65535
+"""The largest number of 16 bits: no depth, but what stands for none (`datasets.stored_images`)."""
 
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EOPNOTSUPP, errno.EMLINK)
 """What a file system says that has no hard links."""
@@ -149,6 +152,13 @@ def encode_png(picture: Image) -> bytes:
     if not done:
         raise ValueError(f"need a picture that PNG can hold, got {picture.dtype} {picture.shape}")
     return data.tobytes()
+
+
+def depth_mm(depth_m: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
+    """Return depth in whole millimetres; 0, unknown, is also what 16 bits have no room for."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        mm = np.rint(depth_m * 1000.0)
+    return np.where((mm > 0) & (mm < SATURATED_MM), mm, 0).astype(np.uint16)
 
 
 def encode_jpeg(rgb: UInt8[np.ndarray, "h w 3"], *, quality: int = 95) -> bytes:

@@ -57,6 +57,17 @@ def test_depth_may_be_missing() -> None:
     assert parsed.points_m is None
 
 
+@pytest.mark.parametrize("value", [0, 65535])
+def test_depth_without_any_depth_is_none(value: int) -> None:
+    depth = depth_mm()
+    depth[:2] = value
+    parsed = parse_upload(body_of(header(), photo() + depth.tobytes()))
+    assert parsed.depth_mm is not None
+    assert not parsed.depth_mm[:2].any()
+    depth[:] = value
+    assert parse_upload(body_of(header(), photo() + depth.tobytes())).depth_mm is None
+
+
 def test_tracked_points_come_after_depth_or_in_its_place() -> None:
     parsed = parse_upload(upload_without_depth(3))
     assert parsed.depth_mm is None

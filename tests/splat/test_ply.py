@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from peaking.errors import SplatFileError
-from peaking.splat.columns import NUM_COLUMNS, QUATS
+from peaking.splat.columns import MEANS, NUM_COLUMNS, QUATS
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import encode_ply, read_ply, write_ply
 from splat.scenes_of_gaussians import cloud
@@ -26,6 +26,20 @@ def test_what_is_written_is_read(tmp_path: Path, sh_degree: int) -> None:
     rows[:, QUATS] /= np.linalg.norm(rows[:, QUATS], axis=1, keepdims=True)
     np.testing.assert_allclose(read[:, QUATS], rows[:, QUATS], atol=1e-7)
     np.testing.assert_array_equal(np.delete(read, QUATS, axis=1), np.delete(rows, QUATS, axis=1))
+
+
+def test_where_positions_are_counted_from_stands_in_the_file(tmp_path: Path) -> None:
+    rows = cloud(3, sh_degree=0).astype(np.float32)
+    origin_m = np.array([448262.25, -5411932.0, 0.1])
+    data = encode_ply(Gaussians.from_parameters(rows, origin_m=origin_m))
+    assert b"\ncomment origin_m 448262.25 -5411932.0 0.1\nelement vertex 3\n" in data
+    (tmp_path / "a.ply").write_bytes(data)
+    read = read_ply(tmp_path / "a.ply")
+    np.testing.assert_array_equal(read.origin_m, origin_m)
+    np.testing.assert_array_equal(read.means_m, rows[:, MEANS])
+    (tmp_path / "b.ply").write_bytes(data.replace(b"-5411932.0 ", b""))
+    with pytest.raises(SplatFileError, match="three numbers"):
+        read_ply(tmp_path / "b.ply")
 
 
 def test_properties_and_their_order() -> None:

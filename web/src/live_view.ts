@@ -5,11 +5,14 @@
 
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
-import { cameraOfWire, type Camera } from './geometry';
+import { cameraOfWire, type Camera, type Vector3 } from './geometry';
+import { Memory } from './memory/memory';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
 import { LEVELS, type Allowance, type Governor } from './render/governor';
+import type { Part } from './render/shares';
+import type { WhyUnfixable } from './render/touched';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
 import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
@@ -30,6 +33,8 @@ export interface LiveState {
   readonly tracking: TrackingState;
   /** That the device's world has moved, or null. */
   readonly jumped: string | null;
+  /** Towards the largest wrong area outside the picture, in axes of the camera; null: none is known. */
+  readonly towards: Vector3 | null;
 }
 
 /** How much a frame draws. */
@@ -62,6 +67,8 @@ export class LiveView implements Disposable {
 
   #renderer: ViewRenderer;
   readonly #tracker: PoseTracker;
+  /** Null where what is wrong is not told apart, or the card cannot. */
+  readonly #memory: Memory | null;
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
   readonly #motion = new Motion();
@@ -88,7 +95,7 @@ export class LiveView implements Disposable {
     this.#renderer = new ViewRenderer(gl, options);
     const tracker = new PoseTracker(gl);
     this.#tracker = tracker;
-    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null };
+    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null, towards: null };
     if (options.align_poses === true) {
       this.#renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
     }
@@ -97,6 +104,8 @@ export class LiveView implements Disposable {
       maxResident: MAX_RESIDENT,
       onProblem: (_, error) => onProblem(`A view cannot be shown: ${String(error)}`),
     });
+    this.#memory = options.marks === 'apart' && Memory.supportedBy(gl) ? new Memory(gl, this.store) : null;
+    this.#renderer.remembered = this.#memory?.tell ?? null;
     this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
     this.#photos = new PhotoReader(gl);
     session.subscribe(() => this.#follow(session.views));
@@ -128,6 +137,16 @@ export class LiveView implements Disposable {
     return this.#frames;
   }
 
+  /** What of the picture is visible on the screen; shares are of that. */
+  set visible(part: Part) {
+    this.#renderer.visible = part;
+  }
+
+  /** Why no view will help at a place, in shares of the picture from its top left corner; null where that is not marked. */
+  whyUnfixable(x: number, y: number): WhyUnfixable | null {
+    return this.look.overlay === 'mpi' ? null : this.#renderer.whyUnfixable(x, y);
+  }
+
   /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */
   shoot(taken: (captureId: string) => void): void {
     if (this.#state.hindrance === null) this.#wanted = taken;
@@ -154,6 +173,7 @@ export class LiveView implements Disposable {
       void this.#take(frame, taken);
     }
     const shown = this.#tracker.shown(frame);
+    if (!this.#reading) this.#memory?.observe(shown);
     const seen = this.#reading
       ? this.#renderer.redraw(shown, this.store, this.look, this.#state.seen)
       : this.#renderer.draw(shown, this.store, this.look);
@@ -161,6 +181,7 @@ export class LiveView implements Disposable {
     this.#state.seen = seen;
     this.#state.hindrance = this.#hindrance(frame);
     this.#state.camera = frame.camera;
+    this.#state.towards = frame.camera === null ? null : this.#memory?.elsewhere(frame.camera) ?? null;
     this.#state.jumped = this.#jumps.of(
       frame.time_ms, this.#tracker.state.jumps, frame.resets ?? NO_RESETS);
   }
@@ -168,6 +189,7 @@ export class LiveView implements Disposable {
   [Symbol.dispose](): void {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
+    this.#memory?.[Symbol.dispose]();
     this.store[Symbol.dispose]();
   }
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from peaking.datasets import Recording
 from peaking.frame import Frame
-from peaking.output import encode_jpeg
+from peaking.output import depth_mm, encode_jpeg
 from peaking.server import wire
 
 PHOTO_QUALITY = 95
@@ -67,7 +67,7 @@ def upload_body(frame: Frame) -> bytes:
     if frame.depth_m is not None:
         height, width = frame.depth_m.shape
         header["depth"] = {"width_px": width, "height_px": height}
-        depth = np.clip(np.rint(frame.depth_m * 1000.0), 0, 65535).astype("<u2").tobytes()
+        depth = depth_mm(frame.depth_m).astype("<u2").tobytes()
     text = json.dumps(header).encode()
     return struct.pack("<I", len(text)) + text + photo + depth
 

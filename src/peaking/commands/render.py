@@ -47,13 +47,13 @@ class Render:
 
     def run(self) -> None:
         """Render and write."""
-        from peaking.output import encode_png, write_atomically
+        from peaking.output import depth_mm, encode_png, write_atomically
 
         light_field, camera = self._light_field_and_camera()
         camera = self._moved(camera)
         rendering = light_field.render(camera)
         if self.show == "depth":
-            picture = np.clip(rendering.depth_m * 1000.0 + 0.5, 0, 65535).astype(np.uint16)
+            picture = depth_mm(rendering.depth_m)
         elif self.show == "alpha":
             picture = (rendering.alpha * 255.0 + 0.5).astype(np.uint8)
         else:

@@ -85,6 +85,12 @@ class Splat:
         data = encode_ply(gaussians)
         write_atomically(self.out, data)
         say(f"{self.out}: {len(gaussians)} Gaussians, {len(data) / 1e6:.1f} MB")
+        if gaussians.origin_m.any():
+            x, y, z = gaussians.origin_m
+            say(
+                f"its coordinates are counted from ({x:.0f}, {y:.0f}, {z:.0f}), because files of "
+                "3D Gaussians have no room for numbers so large (comment origin_m in the file)"
+            )
         if self.previews:
             self._write_preview(gaussians, held_out or training)
         psnr_db = _mean_psnr_db(gaussians, held_out) if held_out else None

@@ -48,10 +48,14 @@ from peaking.errors import OutputError, RecordingError
 from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
-from peaking.pictures.metadata import without_metadata
+from peaking.pictures.metadata import is_removable, without_metadata
 from peaking.point_cloud import visible_points
 
 _NO_PICTURES = (".npy", ".ply")
+_KIND_BYTES = 16
+"""Of a file's beginning: they tell its kind."""
+_ASIDES = ("mask_path", "ply_file_path", "exact_depth_file_path", "materials_file_path")
+"""Files that a frame may have beside picture and depth."""
 _SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 
 
@@ -115,30 +119,38 @@ class NerfstudioRecording:
 
     @property
     def has_depth(self) -> Sequence[bool]:
-        """Which frames have a depth map."""
-        return self._columns[3]
+        """Which frames have a depth map in which anything is known.
+
+        Raises:
+            RecordingError: A depth map cannot be read: all are, when this is first asked.
+        """
+        return self._with_depth
+
+    @cached_property
+    def _with_depth(self) -> tuple[bool, ...]:
+        return tuple(self._depth_m(view) is not None for view in self.views)
 
     @cached_property
     def _columns(
         self,
-    ) -> tuple[tuple[str, ...], tuple[Camera, ...], tuple[float | None, ...], tuple[bool, ...]]:
+    ) -> tuple[tuple[str, ...], tuple[Camera, ...], tuple[float | None, ...]]:
         return (
             tuple(view.name for view in self.views),
             tuple(view.camera for view in self.views),
             tuple(view.timestamp_s for view in self.views),
-            tuple(view.depth is not None for view in self.views),
         )
 
     def read(self, index: int) -> Frame:
         """Decode one picture and its depth, and take the lens's distortion out of both.
 
-        Without a depth map, `points_m` are the points of the view's own cloud, or those of the
-        recording's that lie in the picture and are not hidden (`visible_points`).
+        A depth map in which nothing is known is none. Without one, `points_m` are the points of the
+        view's own cloud, or those of the recording's that lie in the picture and are not hidden
+        (`visible_points`).
 
         Raises:
             IndexError: There is no such view.
-            RecordingError: A file is damaged or cut off, is not what it was when the recording was
-                opened, or holds no known depth.
+            RecordingError: A file is damaged or cut off, or is not what it was when the recording
+                was opened.
         """
         view = self.views[index]
         path = self.root / view.picture
@@ -146,15 +158,12 @@ class NerfstudioRecording:
         if (rgb.shape[1], rgb.shape[0]) != view.camera.pinhole.size_px:
             problem = "changed its size after the recording was opened"
             raise RecordingError(path, problem, remedy="open the recording again")
-        depth_m = None
-        if view.depth is not None:
-            depth_m = read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
-            depth_m = view.lens.undistorted_depth(depth_m)
+        depth_m = self._depth_m(view)
         return Frame(
             name=view.name,
             rgb=view.lens.undistorted(rgb),
             camera=view.camera,
-            depth_m=depth_m,
+            depth_m=None if depth_m is None else view.lens.undistorted_depth(depth_m),
             timestamp_s=view.timestamp_s,
             points_m=self._points_m(view),
         )
@@ -215,14 +224,20 @@ class NerfstudioRecording:
                 digest.update(f"{name}:{size};".encode())
         return digest.hexdigest()[:24]
 
-    def check_links(self, indices: Sequence[int]) -> None:
-        """Refuse what `write_subset` would not copy: files that links lead to from elsewhere.
+    def check_subset(
+        self, indices: Sequence[int], *, follow_links: bool = False, keep_exif: bool = False
+    ) -> None:
+        """Refuse beforehand what `write_subset` would refuse to copy.
 
         Raises:
-            RecordingError: A link to one of the views' files leaves the recording.
+            RecordingError: A file of one of the views is reached by a link that leaves the
+                recording, or is of a kind whose metadata cannot be removed.
         """
         for name in _files_of(self, [self.views[i] for i in indices]):
-            read_bytes(self.root / name, 1, within=self.root)
+            source = self.root / name
+            head = read_bytes(source, _KIND_BYTES, within=None if follow_links else self.root)
+            if not keep_exif and _may_tell(name) and not is_removable(head):
+                raise _tells(source, "is of a kind whose metadata cannot be removed")
 
     def write_subset(
         self,
@@ -262,7 +277,7 @@ class NerfstudioRecording:
             for name in _files_of(self, chosen):
                 source = self.root / name
                 data = read_bytes(source, within=None if follow_links else self.root)
-                if name.suffix.lower() not in _NO_PICTURES and not keep_exif:
+                if _may_tell(name) and not keep_exif:
                     data = _without_metadata(source, data)
                 target = folder / name
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -275,6 +290,12 @@ class NerfstudioRecording:
 
     def _fields(self, index: int) -> Fields:
         return Fields(self.path, self.views[index].entry, {}, f"frames[{index}]")
+
+    def _depth_m(self, view: RecordedView) -> Float32[np.ndarray, "h w"] | None:
+        """Decode the depth map of a view as it is stored; None where nothing is known."""
+        if view.depth is None:
+            return None
+        return read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
 
     def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
         if view.points is None:
@@ -324,6 +345,8 @@ def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording
     if max(stems.values()) > 1:
         views = [replace(view, name=f"{i:05d}_{view.name}") for i, view in enumerate(views)]
     shared = {key: value for key, value in top.items() if key != "frames"}
+    for cloud in dict.fromkeys(view.points for view in views if view.points is not None):
+        check_points(root / cloud, within=within)
     return NerfstudioRecording(root, tuple(views), shared, confined)
 
 
@@ -338,8 +361,10 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
     points = None
     if depth is not None:
         _check_aspect(root / depth, lens, within)
-    elif (points := fields.file("ply_file_path")) is not None:
-        check_points(root / points, within=within)
+    else:
+        points = fields.file("ply_file_path")
+    for key in _ASIDES:  # what is missing is found now, also where it is not needed to read on
+        fields.file(key)
     has_time = fields.own.get("timestamp") is not None
     return RecordedView(
         name=picture.stem,
@@ -397,18 +422,27 @@ def _files_of(recording: NerfstudioRecording, chosen: Sequence[RecordedView]) ->
     files = {view.picture: None for view in chosen}
     files |= {view.depth: None for view in chosen if view.depth is not None}
     own = [Fields(path, view.entry, {}) for view in chosen]
-    asides = [fields.file(key) for key in ("mask_path", "ply_file_path") for fields in own]
+    asides = [fields.file(key) for key in _ASIDES for fields in own]
     asides.append(Fields(path, recording.top, {}).file("ply_file_path"))
     files |= {aside: None for aside in asides if aside is not None}
     return list(files)
+
+
+def _may_tell(name: Path) -> bool:
+    """Return whether a file may hold metadata."""
+    return name.suffix.lower() not in _NO_PICTURES
 
 
 def _without_metadata(path: Path, data: bytes) -> bytes:
     try:
         return without_metadata(data)
     except ValueError as error:
-        remedy = "store it as JPEG or PNG, or keep its metadata by --keep-exif"
-        raise RecordingError(path, str(error), remedy=remedy) from error
+        raise _tells(path, str(error)) from error
+
+
+def _tells(path: Path, problem: str) -> RecordingError:
+    remedy = "store it as JPEG or PNG, or keep its metadata by --keep-exif"
+    return RecordingError(path, problem, remedy=remedy)
 
 
 def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> NerfstudioRecording:

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 from jaxtyping import Float, Float64
 
-from peaking.datasets.foreign_files import opened, read_bytes
+from peaking.datasets.foreign_files import opened
 from peaking.errors import RecordingError
 from peaking.limits import MAX_ASCII_POINTS_BYTES, MAX_POINTS_BYTES
 
@@ -72,16 +72,18 @@ class _Layout:
 
 
 def check_points(path: Path, *, within: Path | None = None) -> None:
-    """Read the header of a .ply.
+    """Read the header of a .ply, and compare its length.
 
     Args:
         path: The file.
         within: A folder; links that lead out of it are refused.
 
     Raises:
-        RecordingError: The file cannot be read, is no .ply, or its vertices have no x, y, z.
+        RecordingError: The file cannot be read, is no .ply, is cut off or too large, or its
+            vertices have no x, y, z.
     """
-    _layout(path, read_bytes(path, _HEAD_BYTES, within=within))
+    with opened(path, within=within, at_most=MAX_POINTS_BYTES) as file:
+        _checked_layout(path, file)
 
 
 def read_points(path: Path, *, within: Path | None = None) -> Float64[np.ndarray, "n 3"]:
@@ -95,16 +97,10 @@ def read_points(path: Path, *, within: Path | None = None) -> Float64[np.ndarray
         within: A folder; links that lead out of it are refused.
 
     Raises:
-        RecordingError: As `check_points`, or the file is cut off, or too large.
+        RecordingError: As `check_points`, or it holds words that are no numbers.
     """
     with opened(path, within=within, at_most=MAX_POINTS_BYTES) as file:
-        layout = _layout(path, file.read(_HEAD_BYTES))
-        left = os.fstat(file.fileno()).st_size - layout.start
-        if left < layout.least_bytes:
-            raise _cut_off(path, layout)
-        if not layout.order and left > MAX_ASCII_POINTS_BYTES:
-            problem = f"has {left:,} bytes of text, and at most {MAX_ASCII_POINTS_BYTES:,} are read"
-            raise RecordingError(path, problem, remedy="export the points as a binary .ply")
+        layout = _checked_layout(path, file)
         file.seek(layout.start)
         step = max(1, -(-layout.count // MAX_POINTS))
         rows = _binary_rows if layout.order else _ascii_rows
@@ -117,6 +113,18 @@ def encode_points(points_m: Float[np.ndarray, "n 3"]) -> bytes:
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points_m)}"]
     head += [f"property float {name}" for name in "xyz"]
     return "\n".join([*head, "end_header", ""]).encode() + points_m.astype("<f4").tobytes()
+
+
+def _checked_layout(path: Path, file: BinaryIO) -> _Layout:
+    """Read the header from the beginning of a file, whose length has to fit it."""
+    layout = _layout(path, file.read(_HEAD_BYTES))
+    left = os.fstat(file.fileno()).st_size - layout.start
+    if left < layout.least_bytes:
+        raise _cut_off(path, layout)
+    if not layout.order and left > MAX_ASCII_POINTS_BYTES:
+        problem = f"has {left:,} bytes of text, and at most {MAX_ASCII_POINTS_BYTES:,} are read"
+        raise RecordingError(path, problem, remedy="export the points as a binary .ply")
+    return layout
 
 
 def _layout(path: Path, data: bytes) -> _Layout:

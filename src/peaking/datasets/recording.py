@@ -51,7 +51,7 @@ class Recording(Protocol):
 
     @property
     def has_depth(self) -> Sequence[bool]:
-        """Which frames have a depth map."""
+        """Which frames have depth: a map in which anything is known."""
         ...
 
     def __len__(self) -> int:
@@ -90,11 +90,14 @@ class Recording(Protocol):
         """Return a short name that changes with what the recording holds."""
         ...
 
-    def check_links(self, indices: Sequence[int]) -> None:
-        """Refuse what `write_subset` would not copy: files that links lead to from elsewhere.
+    def check_subset(
+        self, indices: Sequence[int], *, follow_links: bool = False, keep_exif: bool = False
+    ) -> None:
+        """Refuse beforehand what `write_subset` would refuse to copy.
 
         Raises:
-            RecordingError: A link to one of the frames' files leaves the recording.
+            RecordingError: One of the frames' files is reached by a link that leaves the recording,
+                or is of a kind whose metadata cannot be removed.
         """
         ...
 

@@ -112,8 +112,11 @@ def depth_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
 
 def read_depth(
     path: Path, unit_m: float, *, within: Path | None = None
-) -> Float32[np.ndarray, "h w"]:
-    """Decode a depth map to metres, 0 = unknown.
+) -> Float32[np.ndarray, "h w"] | None:
+    """Decode a depth map to metres, 0 = unknown; None where nothing is known.
+
+    Unknown is what is not finite or not > 0, and the largest number of integers and of 16-bit
+    floats: what a sensor writes where it measures nothing, or a program where something is too far.
 
     Args:
         path: The file.
@@ -121,25 +124,21 @@ def read_depth(
         within: A folder; links that lead out of it are refused.
 
     Raises:
-        RecordingError: The file cannot be read, is not complete, or holds no known depth at all.
+        RecordingError: The file cannot be read, or is not complete.
     """
     if path.suffix.lower() == ".npy":
-        with np.errstate(over="ignore"):  # what float32 has no room for is unknown
-            stored = _npy(path, within).astype(np.float32)
-        stored = np.where(np.isfinite(stored) & (stored > 0), stored, np.float32(0))
+        stored = _npy(path, within)
     else:
-        data = _picture_bytes(path, within)
-        stored = _explained(path, decode_stored, data).astype(np.float32)
+        stored = _explained(path, decode_stored, _picture_bytes(path, within))
     if stored.ndim != 2:
         raise RecordingError(path, f"has shape {stored.shape}", remedy=_DEPTH_FORMAT)
-    if not stored.any():
-        raise RecordingError(
-            path,
-            "holds no known depth: every pixel is 0",
-            remedy="remove depth_file_path from this frame, or leave the frame out",
-        )
-    stored *= np.float32(unit_m)
-    return stored
+    with np.errstate(over="ignore"):  # what float32 has no room for is unknown
+        depth_m = stored.astype(np.float32) * np.float32(unit_m)
+    known = np.isfinite(depth_m) & (depth_m > 0)
+    most = _largest(stored.dtype)
+    if most is not None:
+        known &= stored != most
+    return np.where(known, depth_m, np.float32(0)) if known.any() else None
 
 
 def read_grey(path: Path, *, within: Path | None = None) -> Integer[np.ndarray, "h w"]:
@@ -149,6 +148,13 @@ def read_grey(path: Path, *, within: Path | None = None) -> Integer[np.ndarray, 
         RecordingError: The file cannot be read, or is not complete.
     """
     return _explained(path, decode_stored, _picture_bytes(path, within))
+
+
+def _largest(kind: np.dtype) -> float | None:
+    """Return the largest number of a type where it is no measurement: of all but large floats."""
+    if kind.kind in "ui":
+        return float(np.iinfo(kind).max)
+    return float(np.finfo(kind).max) if kind.itemsize == 2 else None
 
 
 def _head(path: Path, within: Path | None) -> bytes:

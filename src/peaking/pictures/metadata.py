@@ -43,6 +43,11 @@ def jpeg_without_metadata(data: bytes | memoryview, segments: Iterable[jpeg.Segm
     return b"".join(part for _, part in _jpeg_parts(memoryview(data), segments))
 
 
+def is_removable(head: bytes) -> bool:
+    """Return whether a file, by its first bytes, is of a kind whose metadata can be removed."""
+    return head.startswith((jpeg.START, png.START)) or webp.is_webp(head)
+
+
 def has_metadata(data: bytes) -> bool:
     """Return whether `without_metadata` changes anything; a JPEG is not copied for that.
 

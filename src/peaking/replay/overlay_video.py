@@ -37,13 +37,10 @@ MAX_WIDTH_PX = 1920
 MIN_PANEL_WIDTH_PX = 240
 """Captions need this much room; smaller pictures are shown enlarged."""
 
-SHUTTER_SECONDS = 0.5
-"""How long the mark of a capture stays. Long enough that a single one does not flash."""
-
 
 @dataclass(frozen=True)
 class Panels:
-    """What is shown side by side, all of the same size."""
+    """What is shown side by side: three pictures of one size."""
 
     live: UInt8[np.ndarray, "h w 3"]
     rendering: UInt8[np.ndarray, "h w 3"]
@@ -57,14 +54,13 @@ class OverlayVideo:
     """
 
     def __init__(
-        self, panel_size_px: tuple[int, int], *, frames: int, fps: float, threshold_share: float
+        self, panel_size_px: tuple[int, int], *, frames: int, threshold_share: float
     ) -> None:
         """Lay the picture out.
 
         Args:
-            panel_size_px: Width and height of the pictures that will be shown.
+            panel_size_px: Width and height that every picture that will be shown fits into.
             frames: Frames of the whole replay, for the width of the curve.
-            fps: Frames per second.
             threshold_share: Peaked share beyond which frames are captured.
         """
         if frames < 1:
@@ -78,9 +74,7 @@ class OverlayVideo:
         self._threshold_share = threshold_share
         # A fixed scale: one that follows the values would move the past about.
         self._top_share = max(0.10, 2.5 * threshold_share)
-        self._hold_frames = max(1, round(SHUTTER_SECONDS * fps))
         self._captured = 0
-        self._last_capture: int | None = None
         self._last_point: tuple[int, float] | None = None
 
         shown_width, shown_height = self._shown_px
@@ -100,21 +94,18 @@ class OverlayVideo:
         """Draw the next frame; the picture is valid until the next call.
 
         Args:
-            panels: The three pictures, of the panel size.
+            panels: The three pictures; those smaller than a panel stand in its middle.
             record: The frame; its index says where it stands on the strip.
 
         Raises:
-            ValueError: A picture has another size.
+            ValueError: A picture is larger than a panel.
         """
         for picture in (panels.live, panels.rendering, panels.peaks):
-            if (picture.shape[1], picture.shape[0]) != self.panel_size_px:
-                raise ValueError(
-                    f"need panels of {self.panel_size_px}, "
-                    f"got {picture.shape[1]}x{picture.shape[0]}"
-                )
+            (height, width), (most_width, most_height) = picture.shape[:2], self.panel_size_px
+            if width > most_width or height > most_height:
+                raise ValueError(f"need panels of {self.panel_size_px}, got {width}x{height}")
         if record.captured:
             self._captured += 1
-            self._last_capture = record.index
         self._extend_strip(record)
         np.copyto(self._canvas, self._empty)
         self._draw_panels(panels, record)
@@ -133,19 +124,17 @@ class OverlayVideo:
         width, height = self._shown_px
         for place, (picture, (caption, note)) in enumerate(zip(pictures, captions, strict=True)):
             left = MARGIN_PX + place * (width + GAP_PX)
-            self._canvas[CAPTION_PX : CAPTION_PX + height, left : left + width] = _resized(
-                picture, self._shown_px
-            )
+            shown = _resized(picture, self._shown_size_px(picture))
+            below, beside = (height - shown.shape[0]) // 2, (width - shown.shape[1]) // 2
+            panel = self._canvas[CAPTION_PX : CAPTION_PX + height, left : left + width]
+            panel[below : below + shown.shape[0], beside : beside + shown.shape[1]] = shown
             after = draw_text(self._canvas, caption, (left, CAPTION_PX // 2), color=MUTED)
             if note:
                 high = share is not None and share > self._threshold_share
                 draw_text(
                     self._canvas, note, (after + 8, CAPTION_PX // 2), color=PEAK if high else TEXT
                 )
-        recent = self._last_capture is not None and (
-            record.index - self._last_capture < self._hold_frames
-        )
-        if recent:
+        if record.captured:
             corner = (MARGIN_PX - FRAME_PX, CAPTION_PX - FRAME_PX)
             far = (MARGIN_PX + width + FRAME_PX - 1, CAPTION_PX + height + FRAME_PX - 1)
             for inset in range(FRAME_PX):
@@ -159,6 +148,15 @@ class OverlayVideo:
             x = MARGIN_PX + width - text_width_px(words)
             draw_text(self._canvas, words, (x, y), color=SHUTTER)
             _triangle(self._canvas, (x - 12, y + 1), 6)
+
+    def _shown_size_px(self, picture: UInt8[np.ndarray, "h w 3"]) -> tuple[int, int]:
+        """Return the size of a picture in its panel; all are scaled alike."""
+        (height, width), (most_width, most_height) = picture.shape[:2], self.panel_size_px
+        shown_width, shown_height = self._shown_px
+        return (
+            max(1, round(width * shown_width / most_width)),
+            max(1, round(height * shown_height / most_height)),
+        )
 
     def _extend_strip(self, record: FrameRecord) -> None:
         """Draw what this frame adds to the curve."""

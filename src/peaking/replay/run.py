@@ -17,7 +17,7 @@ import numpy as np
 import peaking
 from peaking.datasets import Recording
 from peaking.errors import RecordingError
-from peaking.frame import Frame
+from peaking.frame import Frame, working_size_px
 from peaking.geometry import Camera
 from peaking.light_field import Comparison
 from peaking.mpi import Mpi
@@ -247,8 +247,9 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
         OutputError: `out` is taken, full or not writable; it is complete or absent.
         ToolMissing: There is no program to encode the video with.
     """
-    if not options.follow_links:
-        options.recording.check_links(range(options.num_frames))
+    options.recording.check_subset(
+        range(options.num_frames), follow_links=options.follow_links, keep_exif=options.keep_exif
+    )
     with complete_or_absent(out) as folder:
         guided = _scanned(options)
         walk = Walk(options, _policy(options, guided))
@@ -263,9 +264,8 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
                 if options.with_video:
                     if video is None:
                         drawing = OverlayVideo(
-                            size_px,
+                            _panel_size_px(options),
                             frames=options.num_frames,
-                            fps=options.fps,
                             threshold_share=options.selection.threshold_share,
                         )
                         writer = VideoWriter(
@@ -310,6 +310,15 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
     return summary
 
 
+def _panel_size_px(options: ReplayOptions) -> tuple[int, int]:
+    """Return a size that all frames fit into: a phone may be turned in between."""
+    sizes_px = [
+        working_size_px(*camera.pinhole.size_px, pixels=options.method.pixels)
+        for camera in options.recording.cameras[: options.num_frames]
+    ]
+    return max(width for width, _ in sizes_px), max(height for _, height in sizes_px)
+
+
 def _scanned(options: ReplayOptions) -> GuidedWalk | None:
     if options.guide is None:
         return None
@@ -322,21 +331,28 @@ def _policy(options: ReplayOptions, guided: GuidedWalk | None) -> Policy:
     """Return what decides; policies that need the whole path look at it first."""
     if guided is not None:
         return Chosen({i: f"target {target}" for i, target in guided.target_of_frame.items()})
-    has_depth = options.recording.has_depth
-    anyway = options.method.depth_model is not None or not any(has_depth)
-    usable = [i for i in range(options.num_frames) if has_depth[i] or anyway]
     asked = options.selection.num_views
-    if asked is not None and asked > len(usable):
+    if asked is not None and asked > len(_usable(options)):
         raise RecordingError(
             options.recording.path,
-            f"leaves {len(usable)} frames to choose from, and {asked} views were asked for",
+            f"leaves {len(_usable(options))} frames to choose from, and {asked} views were asked "
+            "for",
             remedy="ask for fewer (--views), or replay more frames",
         )
     try:
         return create_policy(options.selection, options.method)
     except NeedsWholePath:
         recorded = RecordedFrames(options.recording, options.method)
-        return create_policy(options.selection, options.method, path=recorded.path(usable))
+        return create_policy(
+            options.selection, options.method, path=recorded.path(_usable(options))
+        )
+
+
+def _usable(options: ReplayOptions) -> list[int]:
+    """Return the frames that can be captured: those with depth, or all where none is needed."""
+    has_depth = options.recording.has_depth
+    anyway = options.method.depth_model is not None or not any(has_depth)
+    return [i for i in range(options.num_frames) if has_depth[i] or anyway]
 
 
 def _panels(walked: WalkedFrame, overlay: Overlay, marks: Marks) -> Panels:

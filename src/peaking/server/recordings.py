@@ -9,7 +9,7 @@ import numpy as np
 
 from peaking.datasets import Recording
 from peaking.geometry import Camera
-from peaking.output import encode_jpeg
+from peaking.output import depth_mm, encode_jpeg
 from peaking.server import wire
 
 DEFAULT_FPS = 15.0
@@ -43,7 +43,7 @@ class PlayedRecording:
         return encode_jpeg(self.recording.read(self._checked(index)).rgb)
 
     def depth(self, index: int) -> bytes | None:
-        """Return a depth map: uint16 millimetres, little-endian; None where there is none.
+        """Return a depth map: uint16 millimetres, little-endian, 0 = unknown; None without one.
 
         Raises:
             IndexError: There is no such frame.
@@ -51,8 +51,9 @@ class PlayedRecording:
         """
         depth_m = self.recording.read(self._checked(index)).depth_m
         if depth_m is None:
-            return None
-        return np.clip(np.rint(depth_m * 1000.0), 0, 65535).astype("<u2").tobytes()
+            size_px = self.recording.depth_size_px(index)
+            return None if size_px is None else bytes(2 * size_px[0] * size_px[1])
+        return depth_mm(depth_m).astype("<u2").tobytes()
 
     def _checked(self, index: int) -> int:
         if not 0 <= index < len(self.recording):

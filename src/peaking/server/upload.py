@@ -12,6 +12,7 @@ from jaxtyping import Float32, UInt16
 from peaking.errors import PeakingError
 from peaking.foreign_json import decode_json
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
+from peaking.output import SATURATED_MM
 from peaking.pictures.jpeg import check_jpeg, segments
 from peaking.pictures.metadata import jpeg_without_metadata
 from peaking.pictures.too_costly import TooCostly
@@ -23,7 +24,7 @@ PRINCIPAL_POINT_RANGE = (-1.0, 2.0)
 """Where the principal point may lie, in sizes of the picture: crops move it, not further."""
 
 MAX_DISTANCE_M = 1e5
-"""Coordinates of tracked points lie within this, as those of cameras do."""
+"""Coordinates of tracked points lie within this: float32 has 4 mm there."""
 
 BYTES_OF_POINT = 12
 
@@ -60,7 +61,7 @@ class Upload:
     Attributes:
         header: What it says of itself.
         photo: A JPEG.
-        depth_mm: Along +z, 0 = unknown.
+        depth_mm: Along +z, 0 = unknown; None where nothing is known.
         points_m: Tracked points, in the world.
     """
 
@@ -187,7 +188,9 @@ def _depth(data: memoryview, header: wire.CaptureHeader) -> UInt16[np.ndarray, "
             f"The depth map ({width}x{height}) and the photo ({k.width_px}x{k.height_px}) differ "
             "in aspect ratio. Crop the depth map to the photo's field of view."
         )
-    return np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)
+    depth_mm = np.frombuffer(data, "<u2").astype(np.uint16).reshape(height, width)
+    depth_mm[depth_mm == SATURATED_MM] = 0
+    return depth_mm if depth_mm.any() else None
 
 
 def _points(data: memoryview) -> Float32[np.ndarray, "n 3"] | None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 
 from peaking.splat.columns import LOG_SCALES, MEANS, OPACITY_LOGIT, QUATS, SH
 
@@ -18,12 +18,14 @@ class Gaussians:
     """Parameters before activation (Kerbl et al. 2023).
 
     Attributes:
-        means_m: Centres in the world.
+        means_m: Centres, counted from `origin_m`.
         log_scales: Natural logarithms of the standard deviations (metres) along the own axes.
         quaternions: world_from_own rotations as w, x, y, z, of any length but 0.
         opacity_logits: The opacity is 1 / (1 + exp(-logit)).
         sh: Spherical harmonics of degree 0 or 1 (1 or 4 coefficients), RGB; the colour is 0.5 plus
             their sum for the direction from the camera, not below 0.
+        origin_m: Where in the world `means_m` are counted from; the axes are the world's. float32
+            has half a metre at 5,000 km from the origin, where maps have their coordinates.
     """
 
     means_m: Float32[np.ndarray, "n 3"]
@@ -31,16 +33,17 @@ class Gaussians:
     quaternions: Float32[np.ndarray, "n 4"]
     opacity_logits: Float32[np.ndarray, "n"]
     sh: Float32[np.ndarray, "n k 3"]
+    origin_m: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         if self.sh.shape[1] not in (1, 4):
             raise ValueError(f"need 1 or 4 SH coefficients, got {self.sh.shape[1]}")
-        for field in fields(self):
-            values = getattr(self, field.name)
-            if len(values) != len(self.means_m):
-                raise ValueError(f"need {len(self.means_m)} {field.name}, got {len(values)}")
+        for name in [column.name for column in fields(self)]:
+            values = getattr(self, name)
+            if name != "origin_m" and len(values) != len(self.means_m):
+                raise ValueError(f"need {len(self.means_m)} {name}, got {len(values)}")
             if not np.isfinite(values).all():
-                raise ValueError(f"need finite {field.name}, got NaN or infinity")
+                raise ValueError(f"need finite {name}, got NaN or infinity")
 
     def __len__(self) -> int:
         return len(self.means_m)
@@ -64,8 +67,10 @@ class Gaussians:
         )
 
     @classmethod
-    def from_parameters(cls, parameters: Parameters) -> Gaussians:
-        """Return the Gaussians of a matrix as `parameters` makes it."""
+    def from_parameters(
+        cls, parameters: Parameters, *, origin_m: Float64[np.ndarray, "3"] | None = None
+    ) -> Gaussians:
+        """Return the Gaussians of a matrix as `parameters` makes it, counted from a point."""
         sh = parameters[:, SH]
         return cls(
             means_m=parameters[:, MEANS].copy(),
@@ -73,4 +78,5 @@ class Gaussians:
             quaternions=parameters[:, QUATS].copy(),
             opacity_logits=parameters[:, OPACITY_LOGIT].copy(),
             sh=sh.reshape(len(sh), sh.shape[1] // 3, 3).copy(),
+            origin_m=np.zeros(3) if origin_m is None else origin_m,
         )

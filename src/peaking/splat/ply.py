@@ -2,16 +2,19 @@
 
 Binary, little endian, float32: x y z, normals (0), f_dc_0…2, f_rest_0…44 (all coefficients of red,
 then of green, then of blue; those above our degree are 0, since some viewers read files of degree 3
-only), opacity (logit), scale_0…2 (logarithms), rot_0…3 (w x y z, of length 1).
+only), opacity (logit), scale_0…2 (logarithms), rot_0…3 (w x y z, of length 1). Where x y z are not
+counted from the world's origin, a line `comment origin_m X Y Z` says from where.
 """
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+from jaxtyping import Float64
 
 from peaking.errors import SplatFileError
 from peaking.limits import MAX_GAUSSIANS, MAX_SPLAT_BYTES
@@ -21,6 +24,7 @@ from peaking.splat.gaussians import Gaussians
 NUM_REST = 15
 """Coefficients per channel of the degrees 1 to 3."""
 
+_ORIGIN = "comment origin_m"
 _HEAD_BYTES = 1 << 16
 _BLOCK_BYTES = 1 << 20
 
@@ -54,6 +58,8 @@ def encode_ply(gaussians: Gaussians) -> bytes:
         axis=1,
     )
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
+    if gaussians.origin_m.any():
+        header.insert(2, " ".join([_ORIGIN, *map(repr, gaussians.origin_m.tolist())]))
     header += [f"property float {name}" for name in names]
     header += ["end_header", ""]
     return "\n".join(header).encode("ascii") + values.astype("<f4").tobytes()
@@ -73,12 +79,14 @@ def read_ply(path: Path) -> Gaussians:
             size = os.fstat(file.fileno()).st_size
             if size > MAX_SPLAT_BYTES:
                 raise SplatFileError(f"{path}: has more than {MAX_SPLAT_BYTES:,} bytes")
-            start, n, names = _layout(path, file.read(_HEAD_BYTES))
+            head = file.read(_HEAD_BYTES)
+            start, n, names = _layout(path, head)
             if size - start != 4 * n * len(names):
                 needs = f"needs {4 * n * len(names)} bytes of data, has {size - start}"
                 raise SplatFileError(f"{path}: {needs}")
             file.seek(start)
-            return _gaussians(path, file, n, names)
+            gaussians = _gaussians(path, file, n, names)
+            return replace(gaussians, origin_m=_origin_m(path, head[:start]))
     except OSError as error:
         raise SplatFileError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -112,6 +120,20 @@ def _layout(path: Path, data: bytes) -> tuple[int, int, list[str]]:
     if n > MAX_GAUSSIANS:
         raise SplatFileError(f"{path}: has {n:,} Gaussians, and at most {MAX_GAUSSIANS:,} are read")
     return len(head) + len(mark), n, names
+
+
+def _origin_m(path: Path, head: bytes) -> Float64[np.ndarray, "3"]:
+    """Return where the positions are counted from, as a comment says."""
+    for line in head.decode("ascii", errors="replace").split("\n"):
+        if line.startswith(_ORIGIN):
+            try:
+                origin_m = np.array([float(word) for word in line[len(_ORIGIN) :].split()])
+            except ValueError:
+                origin_m = np.zeros(0)
+            if origin_m.shape != (3,) or not np.isfinite(origin_m).all():
+                raise SplatFileError(f"{path}: need three numbers: {line.strip()[:60]!r}")
+            return origin_m
+    return np.zeros(3)
 
 
 def _gaussians(path: Path, file: BinaryIO, n: int, names: list[str]) -> Gaussians:

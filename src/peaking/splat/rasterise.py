@@ -28,6 +28,7 @@ def render(
         BackendUnavailable: gsplat, torch or CUDA is missing.
     """
     cut_offs = cut_offs or CutOffs()
+    camera = camera.relative_to(gaussians.origin_m)
     if backend == "numpy":
         from peaking.splat import _numpy
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from peaking.frame import Frame
-from peaking.geometry import Camera
+from peaking.geometry import Camera, near_origin_m
 from peaking.point_cloud import PointCloud
 from peaking.splat.columns import (
     LOG_SCALES,
@@ -90,15 +90,18 @@ class Trainer:
         """Place a Gaussian on each point to start from."""
         if not frames:
             raise ValueError("need at least one frame to train on, got none")
-        self._frames = frames
+        self._origin_m = near_origin_m([frame.camera for frame in frames])
+        self._frames = [_from(frame, self._origin_m) for frame in frames]
         self._options = options
         self._rng = np.random.default_rng(options.seed)
-        if points is None:
-            points = initial_points(frames, options.max_init_points, self._rng)
+        if points is not None:
+            points = replace(points, xyz_m=points.xyz_m - self._origin_m)
+        else:
+            points = initial_points(self._frames, options.max_init_points, self._rng)
         if not len(points):
             raise ValueError("need at least one point to start from, got none")
         points = points.thinned(options.max_init_points, self._rng)
-        self._scene_scale_m = _scene_scale_m([frame.camera for frame in frames], points.xyz_m)
+        self._scene_scale_m = _scene_scale_m([frame.camera for frame in self._frames], points.xyz_m)
         initial = AdamState.initial(_initial_parameters(points, options))
         self._optimiser = _create_optimiser(initial, options, backend)
         self._num_gaussians = len(points)
@@ -108,7 +111,8 @@ class Trainer:
     def gaussians(self) -> Gaussians:
         """Return the Gaussians as they are now, without those that are not finite."""
         parameters = self._optimiser.state().parameters
-        return Gaussians.from_parameters(parameters[np.isfinite(parameters).all(axis=1)])
+        finite = np.isfinite(parameters).all(axis=1)
+        return Gaussians.from_parameters(parameters[finite], origin_m=self._origin_m)
 
     def step(self) -> TrainingStep:
         """Train on the next picture; every picture is used once before any is used again."""
@@ -152,6 +156,10 @@ class Trainer:
         )
         self._optimiser.reset(state)
         self._num_gaussians = len(state.parameters)
+
+
+def _from(frame: Frame, origin_m: Float64[np.ndarray, "3"]) -> Frame:
+    return replace(frame, camera=frame.camera.relative_to(origin_m))
 
 
 def _create_optimiser(state: AdamState, options: SplatOptions, backend: Backend) -> Optimiser:

@@ -4,9 +4,10 @@ import type { GpuMpi } from '../mpi/mpi_store';
 import { MAX_NEIGHBOURS } from '../wire';
 import { GAIN_STRIDE } from './exposure';
 import { blocksOf } from './hole_filling';
+import { Settled } from './settled';
 import { ReadBack, Target } from './target';
 
-/** The result is counted in so many blocks. */
+/** The result is counted in so many blocks, twice: two kinds of marks at a time. */
 export const BLOCKS = { x: 16, y: 16 };
 
 /** A picture of one MPI. */
@@ -31,8 +32,8 @@ export class Targets implements Disposable {
   readonly countsBack: ReadBack;
   readonly grid: Target;
   readonly gridBack: ReadBack;
-  shown: Target;
-  shownBefore: Target;
+  shown: Settled;
+  shownBefore: Settled;
   /** The live picture that `live` is of. */
   pictureId: number | null = null;
   /** What `view` was blended from, and how much of each. */
@@ -48,7 +49,7 @@ export class Targets implements Disposable {
   asked = false;
 
   constructor(
-    private readonly gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
+    gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
   ) {
     const ofView = (): Target => new Target(gl, width, height);
     this.filling = Array.from({ length: filling }, () => ({ target: ofView(), mpi: null }));
@@ -59,11 +60,11 @@ export class Targets implements Disposable {
     this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
     this.view = ofView();
     this.result = ofView();
-    this.shown = ofView();
-    this.shownBefore = ofView();
+    this.shown = new Settled(gl, width, height);
+    this.shownBefore = new Settled(gl, width, height);
     this.blendedFrom = Array.from({ length: MAX_NEIGHBOURS }, () => null);
     this.weights = new Float32Array(MAX_NEIGHBOURS);
-    this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
+    this.counts = new Target(gl, BLOCKS.x, 2 * BLOCKS.y);
     this.countsBack = new ReadBack(gl, this.counts);
     this.grid = new Target(
       gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
@@ -72,12 +73,7 @@ export class Targets implements Disposable {
 
   /** Show what others of another size show, so that no mark flashes when the size changes. */
   goOnFrom({ shown }: Targets): void {
-    const { gl } = this;
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, shown.framebuffer);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.shown.framebuffer);
-    gl.blitFramebuffer(
-      0, 0, shown.width, shown.height, 0, 0, this.shown.width, this.shown.height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
+    this.shown.goOnFrom(shown);
   }
 
   swapShown(): void {

@@ -18,7 +18,8 @@ export interface RawDepth extends DepthGeometry {
 
 export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
 
-const MAX_MM = 65535;
+/** The largest number of 16 bits: what devices give where they measure nothing. */
+const SATURATED = 65535;
 
 /**
  * Resample to a map that covers the picture. Phones turn and crop the depth buffer against the
@@ -39,12 +40,19 @@ export function depthMapOf(raw: RawDepth, format: DepthFormat, aspect: number): 
       const column = Math.floor((at(m, 0) * u + at(m, 4) * v + at(m, 12)) * raw.width);
       const row = Math.floor((at(m, 1) * u + at(m, 5) * v + at(m, 13)) * raw.height);
       if (column < 0 || row < 0 || column >= raw.width || row >= raw.height) continue;
-      const mm = Math.round(at(values, row * raw.width + column) * toMm);
-      // What is not a number, not in front, or too far for 16 bits is unknown.
-      if (mm > 0 && mm <= MAX_MM) depth_mm[y * width_px + x] = mm;
+      const value = at(values, row * raw.width + column);
+      const mm = Math.round(value * toMm);
+      // What is not a number, not in front, saturated or too far for 16 bits is unknown.
+      if (format !== 'float32' && value === SATURATED) continue;
+      if (mm > 0 && mm < SATURATED) depth_mm[y * width_px + x] = mm;
     }
   }
   return { width_px, height_px, depth_mm };
+}
+
+/** The map; null where nothing is known in it: the same as no depth. */
+export function known(map: DepthMap): DepthMap | null {
+  return map.depth_mm.some((mm) => mm > 0) ? map : null;
 }
 
 /** As many texels as the buffer has in the picture, in the picture's aspect. */

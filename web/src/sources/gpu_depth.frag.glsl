@@ -25,6 +25,8 @@ uniform mat4 buffer_from_picture;
 uniform vec2 picture_size;
 uniform float mm_per_unit;
 
+const float SATURATED = 65535.0;
+
 out vec4 colour;
 
 void main() {
@@ -43,8 +45,11 @@ void main() {
   float value = FETCH(texel).r;
 #endif
   float mm = floor(value * mm_per_unit + 0.5);
-  // What is not a number, not in front, or too far for 16 bits is unknown.
-  if (!(mm > 0.0 && mm <= 65535.0)) return;
+  // What is not a number, not in front, saturated or too far for 16 bits is unknown.
+#if defined(IS_UNSIGNED_SHORT) || defined(IS_LUMINANCE_ALPHA)
+  if (value == SATURATED) return;
+#endif
+  if (!(mm > 0.0 && mm < SATURATED)) return;
   float high = floor(mm / 256.0);
   colour = vec4(mm - 256.0 * high, high, 0.0, 255.0) / 255.0;
 }

@@ -2,6 +2,7 @@
 
 import { cameraOfWire, type Camera } from '../geometry';
 import type { RecordingIndex } from '../wire';
+import { known } from './depth';
 import type { DepthMap, FrameSource, LiveFrame, Viewport } from './frame_source';
 
 /** What is needed of the server; `Api` has it. */
@@ -142,7 +143,7 @@ class FrameCache {
       const picture = await createImageBitmap(photo, {
         imageOrientation: 'flipY', colorSpaceConversion: 'none',
       });
-      const depth = layout === null || depth_mm === null ? null : { ...layout, depth_mm };
+      const depth = layout === null || depth_mm === null ? null : known({ ...layout, depth_mm });
       this.#frames.set(index, { picture, depth });
     } catch {
       this.#frames.delete(index); // asked for again at the next frame

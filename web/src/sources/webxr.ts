@@ -7,7 +7,7 @@ import {
   identity, pinholeOfProjection, pinholeScratch, worldFromCamOfWebXr, type Cam, type Camera,
   type World,
 } from '../geometry';
-import { depthMapOf, type DepthFormat, type RawDepth } from './depth';
+import { depthMapOf, known, type DepthFormat, type RawDepth } from './depth';
 import {
   SourceError, type DepthMap, type FrameSource, type LiveFrame, type SourceKind, type Viewport,
   type WorldResets,
@@ -195,9 +195,9 @@ class XrLiveFrame implements LiveFrame, Disposable {
     const format = (this.session as DepthSession).depthDataFormat;
     if (raw === null || format === undefined || this.camera === null) return null;
     const { width_px, height_px } = this.camera.pinhole;
-    if ('data' in raw) return depthMapOf(raw, format, width_px / height_px);
+    if ('data' in raw) return known(depthMapOf(raw, format, width_px / height_px));
     this.#gpuDepth ??= new GpuDepthReader(this.gl);
-    return this.#gpuDepth.read(raw, format, width_px / height_px);
+    return known(this.#gpuDepth.read(raw, format, width_px / height_px));
   }
 
   [Symbol.dispose](): void {

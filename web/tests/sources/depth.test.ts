@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import { depthMapOf, type DepthFormat, type RawDepth } from '../../src/sources/depth';
+import { depthMapOf, known, type DepthFormat, type RawDepth } from '../../src/sources/depth';
 
 /** Column-major: u' = a·u + c·v + e, v' = b·u + d·v + f. */
 function matrix(a: number, b: number, c: number, d: number, e: number, f: number): Float32Array {
@@ -95,8 +95,19 @@ describe('formats', () => {
   });
 
   test('what is no distance is unknown', () => {
-    const values = [NaN, Infinity, -1, 0, 65.536, 65.535];
-    const raw = rawOf(6, values, 'float32', { rawValueToMeters: 1 });
-    expect(rowsOf(raw, 'float32', 6)).toEqual([[0, 0, 0, 0, 0, 65535]]);
+    const values = [NaN, Infinity, -1, 0, 65.536, 65.535, 65.534];
+    const raw = rawOf(7, values, 'float32', { rawValueToMeters: 1 });
+    expect(rowsOf(raw, 'float32', 7)).toEqual([[0, 0, 0, 0, 0, 0, 65534]]);
+  });
+
+  test('the largest number of 16 bits is no distance, whatever the unit', () => {
+    const raw = rawOf(2, [65535, 65534], 'unsigned-short', { rawValueToMeters: 0.0005 });
+    expect(rowsOf(raw, 'unsigned-short', 2)).toEqual([[0, 32767]]);
+  });
+
+  test('where nothing is known there is no depth', () => {
+    const unknown = depthMapOf(rawOf(2, [0, 65535], 'unsigned-short'), 'unsigned-short', 2);
+    const one = depthMapOf(rawOf(2, [0, 700], 'unsigned-short'), 'unsigned-short', 2);
+    expect([known(unknown), known(one)]).toEqual([null, one]);
   });
 });
