@@ -1,7 +1,8 @@
 """What each part of a frame costs in the client: one page draws with it and without it, in turn.
 
 The phone's numbers tremble while its picture stands still, so every view is rendered and compared
-again at every frame, and the drawn room is not.
+again at every frame, and the drawn room is not. The memory looks at new pictures alone, so for it
+the phone trembles itself; what it costs is the difference to the same without it.
 """
 
 from __future__ import annotations
@@ -27,34 +28,34 @@ TREMBLE = """() => {
   let t = 0;
   const step = () => {
     t += 1;
-    window.peaking.phone.setDrift(0.001 * Math.sin(t), 0.001 * Math.cos(t), 0, 0);
+    const { phone } = window.peaking;
+    if (window.phoneTrembles) phone.pose.x_m += 0.001 * (t % 2 === 0 ? 1 : -1);
+    else phone.setDrift(0.001 * Math.sin(t), 0.001 * Math.cos(t), 0, 0);
     requestAnimationFrame(step);
   };
   step();
 }"""
 ALLOW = """part => {
-  const all = { ...window.peaking.pace().allowance, pixels: 1, blended: Infinity };
-  const without = { ...all, filling: 0, alignEvery_ms: Infinity };
-  if ('memory' in all) without.memory = false;
-  const parts = {
-    bare: {}, fill: { filling: Infinity }, align: { alignEvery_ms: 60 }, memory: { memory: true },
+  const bare = {
+    pixels: 1, blended: Infinity, filling: 0, alignEvery_ms: Infinity, rememberEvery: Infinity,
   };
-  window.peaking.allow({ ...without, ...parts[part] });
+  const parts = {
+    fill: { filling: Infinity }, align: { alignEvery_ms: 60 }, memory: { rememberEvery: 3 },
+  };
+  window.phoneTrembles = part === 'memory' || part === 'new_picture';
+  window.peaking.allow({ ...bare, ...parts[part] });
 }"""
-PARTS = ("fill", "align", "memory")
-"""What is measured beside the bare frame; `memory` where the client has it."""
+PARTS = ("bare", "fill", "align", "new_picture", "memory")
 
 
 def frame_parts(page: Any) -> dict[str, object]:
     """Measure a page of the virtual phone whose views leave something empty where it is held.
 
-    The page must have been opened with `governor=off`. Times are medians over rounds; ratios are
-    medians of each round's.
+    The page must have been opened with `governor=off`. Times are medians over rounds; `over_bare`
+    are medians of each round's ratio, of the memory what it adds alone.
     """
     page.evaluate(TREMBLE)
-    knows_memory = page.evaluate("'memory' in window.peaking.pace().allowance")
-    parts = [part for part in PARTS if part != "memory" or knows_memory]
-    took_ms: dict[str, list[float]] = {part: [] for part in ("bare", *parts)}
+    took_ms: dict[str, list[float]] = {part: [] for part in PARTS}
     worker_ms: list[float] = []
     filling: list[int] = []
     for _ in range(ROUNDS):
@@ -66,13 +67,18 @@ def frame_parts(page: Any) -> dict[str, object]:
                 filling.append(page.evaluate("window.peaking.pace().filling"))
             if part == "align":
                 worker_ms.append(page.evaluate("window.peaking.tracking().took_ms") or np.nan)
+    bare, fill, align, new_picture, memory = (np.array(took_ms[part]) for part in PARTS)
+    over_bare = {
+        "fill": fill / bare,
+        "align": align / bare,
+        "memory_adds": (memory - new_picture) / bare,
+    }
     return {
         "size": page.evaluate("window.peaking.pace().pixels"),
         "rounds": ROUNDS,
         "frame_ms": {part: round(float(np.median(times)), 1) for part, times in took_ms.items()},
         "over_bare": {
-            part: round(float(np.median(np.divide(took_ms[part], took_ms["bare"]))), 2)
-            for part in parts
+            part: round(float(np.median(ratios)), 2) for part, ratios in over_bare.items()
         },
         "filling_views": float(np.median(filling)),
         "align_worker_ms": round(float(np.nanmedian(worker_ms)), 1),
