@@ -7,6 +7,7 @@ the phone trembles itself; what it costs is the difference to the same without i
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,7 +19,11 @@ from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 
 ROUNDS = 7
-SPAN_MS = 2000
+SPAN_MS = 1000
+SPAN_FRAMES = 10
+SETTLING_FRAMES = 15
+"""What fills is chosen every sixth frame, and read back later."""
+PATIENCE_S = 120.0
 FEW, MANY = 10, 300
 """Views of the two sessions that are compared."""
 FAR_M = 50.0
@@ -61,7 +66,7 @@ def frame_parts(page: Any) -> dict[str, object]:
     for _ in range(ROUNDS):
         for part, times in took_ms.items():
             page.evaluate(ALLOW, part)
-            page.wait_for_timeout(SPAN_MS / 4)  # until what fills has been chosen
+            let_pass(page, SETTLING_FRAMES)
             times.append(frame_ms(page))
             if part == "fill":
                 filling.append(page.evaluate("window.peaking.pace().filling"))
@@ -86,11 +91,26 @@ def frame_parts(page: Any) -> dict[str, object]:
 
 
 def frame_ms(page: Any) -> float:
-    """Return the mean time from frame to frame, milliseconds, over a span."""
+    """Return the mean time from frame to frame, milliseconds, over a second and ten frames."""
     before, begin_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
     page.wait_for_timeout(SPAN_MS)
+    let_pass(page, max(0, SPAN_FRAMES - (page.evaluate("window.peaking.frames()") - before)))
     after, end_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
-    return (end_ms - begin_ms) / max(after - before, 1)
+    return (end_ms - begin_ms) / (after - before)
+
+
+def let_pass(page: Any, frames: int) -> None:
+    """Wait until so many frames more are drawn.
+
+    Raises:
+        TimeoutError: They are not.
+    """
+    wanted = page.evaluate("window.peaking.frames()") + frames
+    until_s = time.monotonic() + PATIENCE_S
+    while page.evaluate("window.peaking.frames()") < wanted:
+        if time.monotonic() > until_s:
+            raise TimeoutError(f"waited {PATIENCE_S:.0f} s for {frames} frames")
+        page.wait_for_timeout(20)
 
 
 def long_sessions(address: str, frames: Sequence[Frame]) -> dict[int, str]:
@@ -129,7 +149,7 @@ def many_over_few(pages: Mapping[int, Any]) -> dict[str, object]:
     for _ in range(ROUNDS):
         for count, page in pages.items():
             page.bring_to_front()
-            page.wait_for_timeout(SPAN_MS / 4)
+            let_pass(page, SETTLING_FRAMES)
             took_ms[count].append(frame_ms(page))
     return {
         **{f"{count}_ms": round(float(np.median(times)), 1) for count, times in took_ms.items()},
