@@ -185,15 +185,16 @@ def test_a_recoloured_object_is_wrong_under_another_exposure() -> None:
 
 @both
 def test_what_no_view_has_seen_is_peaked_whatever_its_colour(backend: Backend) -> None:
-    rgba = np.zeros((1, 3, 4))
-    rgba[0, 1:] = (0.01, 0.01, 0.01, 1.0)
-    live = np.zeros((1, 3, 3), np.uint8)
-    unseen = np.array([[False, True, False]])
+    rgba = np.zeros((1, 8, 4))
+    rgba[0, 1:6] = (0.01, 0.01, 0.01, 1.0)
+    live = np.zeros((1, 8, 3), np.uint8)
+    unseen = np.zeros((1, 8), np.bool_)
+    unseen[0, 4:7] = True
     errors = compare(rendering(rgba), live, unseen=unseen, backend=backend)
-    # Nothing can be shown of the first, though it was seen; the second was never seen.
-    np.testing.assert_array_equal(errors.wrong, [[True, False, False]])
-    np.testing.assert_array_equal(errors.unseen, unseen)
-    np.testing.assert_array_equal(errors.peaked, [[True, True, False]])
+    # Nothing can be shown of the first, though it was seen; of the last it is the rim.
+    np.testing.assert_array_equal(errors.wrong[0], np.arange(8) == 0)
+    np.testing.assert_array_equal(errors.unseen[0], np.arange(8) >= 4)
+    np.testing.assert_array_equal(errors.peaked, errors.wrong | errors.unseen)
 
 
 @pytest.mark.parametrize(

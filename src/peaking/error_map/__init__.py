@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
@@ -133,13 +134,18 @@ def compare(
         shift_px=shift_px,
         min_alpha=MIN_ALPHA,
     )
-    never = empty if unseen is None else unseen
+    never = empty if unseen is None else unseen | (empty & _grown(unseen))
     nothing = np.zeros_like(never)
     if marks == "paper":
         return ErrorMap(error, over, never, nothing)
     # Where something was seen that no view can show from here, nothing was compared.
     errors = ErrorMap(error, over | never | empty, never, nothing)
     return errors.without(_blown_out(rendering, live, exposure))
+
+
+def _grown(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Return a mask with a rim: what views saw ends a little later than what can be shown of it."""
+    return cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.bool_)
 
 
 def _blown_out(
@@ -151,7 +157,8 @@ def _blown_out(
     """
     out = (live >= BLOWN_OUT).all(axis=2) & (rendering.alpha >= MIN_ALPHA)
     shown = rendering.rgba[out]
-    bright = shown[:, :3] * exposure.gain >= BRIGHT * shown[:, 3:]
+    brighter = exposure.gain * exposure.factors(*live.shape[1::-1])[out][:, None]
+    bright = shown[:, :3] * brighter >= BRIGHT * shown[:, 3:]
     out[out] = bright.all(axis=1)
     return out
 

@@ -7,7 +7,6 @@ uniform sampler2D answers; // of ask.frag.glsl
 uniform sampler2D view; // what is rendered
 uniform sampler2D result; // of compare.frag.glsl, for the frame before
 
-in vec2 uv;
 out vec4 told;
 
 const float MIN_ALPHA = 0.5;
@@ -59,15 +58,39 @@ bool has_moved(ivec2 at) {
   return found > SHARE * MANY;
 }
 
+bool is_empty(ivec2 at) {
+  vec2 size = vec2(last + 1);
+  float least = 1.0;
+  for (int y = 0; y < 2; y++) {
+    for (int x = 0; x < 2; x++) {
+      least = min(least, texture(view, (vec2(at) + 0.25 + 0.5 * vec2(x, y)) / size).a);
+    }
+  }
+  return least < MIN_ALPHA;
+}
+
+bool was_never_seen(ivec2 at) {
+  vec4 a = answer(at);
+  bool empty = is_empty(at);
+  if (a.g < 0.5) return empty;
+  return empty ? a.r > NEARER : a.r > FAR || (a.r > CLEARLY && is_more_than_a_speck(at));
+}
+
+// What views saw ends a little later than what can be shown of it.
+bool is_at_the_rim(ivec2 at) {
+  if (!is_empty(at)) return false;
+  for (int y = -1; y <= 1; y++) {
+    for (int x = -1; x <= 1; x++) {
+      if (was_never_seen(clamp(at + ivec2(x, y), ivec2(0), last))) return true;
+    }
+  }
+  return false;
+}
+
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   last = textureSize(answers, 0) - 1;
-  vec4 a = answer(at);
-  bool empty = texture(view, uv).a < MIN_ALPHA;
-  bool unseen = empty;
-  if (a.g > 0.5) {
-    unseen = empty ? a.r > NEARER : a.r > FAR || (a.r > CLEARLY && is_more_than_a_speck(at));
-  }
+  bool unseen = was_never_seen(at) || is_at_the_rim(at);
   bool moved = !unseen && is_wrong(at) && has_moved(at);
   told = vec4(unseen ? 1.0 : 0.0, moved ? 1.0 : 0.0, 0.0, 1.0);
 }

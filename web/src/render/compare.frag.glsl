@@ -16,7 +16,9 @@ uniform bool remembers;
 out vec4 result;
 
 const float MIN_ALPHA = 0.5;
-const float BLOWN_OUT = 250.0 / 255.0; // all channels of the live picture, from here on
+// All channels of the live picture, from here on, and of what is rendered: a dark ghost on a white wall is wrong.
+const float BLOWN_OUT = 250.0 / 255.0;
+const float BRIGHT = 0.6;
 
 // By how much the live picture is brighter here; a pixel aside it is the same but for a trifle.
 vec3 brighter(ivec2 at, vec2 size) {
@@ -78,8 +80,8 @@ void main() {
     unseen = told.r > 0.5;
     hopeless = told.g > 0.5 ? 0.5 : 0.0;
   }
-  vec3 picture = texelFetch(live, at, 0).rgb;
-  if (min(picture.r, min(picture.g, picture.b)) >= BLOWN_OUT - 0.001) hopeless = 1.0;
+  bool blown_out = all(greaterThan(texelFetch(live, at, 0).rgb, vec3(BLOWN_OUT - 0.001)));
+  if (blown_out && !empty && all(greaterThanEqual(rendered(at, gain), vec3(BRIGHT)))) hopeless = 1.0;
   if (!apart || !over || unseen) hopeless = 0.0;
   bool peaked = hopeless == 0.0 && (over || (apart && unseen));
   result = vec4(peaked ? 1.0 : 0.0, unseen ? 1.0 : 0.0, error / 3.0, hopeless);
