@@ -28,6 +28,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # what holds the picture is put together by the processor: faster
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",

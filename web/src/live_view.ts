@@ -157,6 +157,7 @@ export class LiveView implements Disposable {
     this.#allowance = allowance;
     this.#renderer.allow(allowance);
     this.#tracker.every_ms = allowance.alignEvery_ms;
+    if (this.#memory !== null) this.#memory.everyFrames = allowance.rememberEvery;
   }
 
   /** To be called for every frame of the source. */

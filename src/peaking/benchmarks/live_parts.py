@@ -1,11 +1,13 @@
 """What each part of a frame costs in the client: one page draws with it and without it, in turn.
 
 The phone's numbers tremble while its picture stands still, so every view is rendered and compared
-again at every frame, and the drawn room is not.
+again at every frame, and the drawn room is not. The memory looks at new pictures alone, so for it
+the phone trembles itself; what it costs is the difference to the same without it.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,7 +19,11 @@ from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 
 ROUNDS = 7
-SPAN_MS = 2000
+SPAN_MS = 1000
+SPAN_FRAMES = 10
+SETTLING_FRAMES = 15
+"""What fills is chosen every sixth frame, and read back later."""
+PATIENCE_S = 120.0
 FEW, MANY = 10, 300
 """Views of the two sessions that are compared."""
 FAR_M = 50.0
@@ -27,52 +33,57 @@ TREMBLE = """() => {
   let t = 0;
   const step = () => {
     t += 1;
-    window.peaking.phone.setDrift(0.001 * Math.sin(t), 0.001 * Math.cos(t), 0, 0);
+    const { phone } = window.peaking;
+    if (window.phoneTrembles) phone.pose.x_m += 0.001 * (t % 2 === 0 ? 1 : -1);
+    else phone.setDrift(0.001 * Math.sin(t), 0.001 * Math.cos(t), 0, 0);
     requestAnimationFrame(step);
   };
   step();
 }"""
 ALLOW = """part => {
-  const all = { ...window.peaking.pace().allowance, pixels: 1, blended: Infinity };
-  const without = { ...all, filling: 0, alignEvery_ms: Infinity };
-  if ('memory' in all) without.memory = false;
-  const parts = {
-    bare: {}, fill: { filling: Infinity }, align: { alignEvery_ms: 60 }, memory: { memory: true },
+  const bare = {
+    pixels: 1, blended: Infinity, filling: 0, alignEvery_ms: Infinity, rememberEvery: Infinity,
   };
-  window.peaking.allow({ ...without, ...parts[part] });
+  const parts = {
+    fill: { filling: Infinity }, align: { alignEvery_ms: 60 }, memory: { rememberEvery: 3 },
+  };
+  window.phoneTrembles = part === 'memory' || part === 'new_picture';
+  window.peaking.allow({ ...bare, ...parts[part] });
 }"""
-PARTS = ("fill", "align", "memory")
-"""What is measured beside the bare frame; `memory` where the client has it."""
+PARTS = ("bare", "fill", "align", "new_picture", "memory")
 
 
 def frame_parts(page: Any) -> dict[str, object]:
     """Measure a page of the virtual phone whose views leave something empty where it is held.
 
-    The page must have been opened with `governor=off`. Times are medians over rounds; ratios are
-    medians of each round's.
+    The page must have been opened with `governor=off`. Times are medians over rounds; `over_bare`
+    are medians of each round's ratio, of the memory what it adds alone.
     """
     page.evaluate(TREMBLE)
-    knows_memory = page.evaluate("'memory' in window.peaking.pace().allowance")
-    parts = [part for part in PARTS if part != "memory" or knows_memory]
-    took_ms: dict[str, list[float]] = {part: [] for part in ("bare", *parts)}
+    took_ms: dict[str, list[float]] = {part: [] for part in PARTS}
     worker_ms: list[float] = []
     filling: list[int] = []
     for _ in range(ROUNDS):
         for part, times in took_ms.items():
             page.evaluate(ALLOW, part)
-            page.wait_for_timeout(SPAN_MS / 4)  # until what fills has been chosen
+            let_pass(page, SETTLING_FRAMES)
             times.append(frame_ms(page))
             if part == "fill":
                 filling.append(page.evaluate("window.peaking.pace().filling"))
             if part == "align":
                 worker_ms.append(page.evaluate("window.peaking.tracking().took_ms") or np.nan)
+    bare, fill, align, new_picture, memory = (np.array(took_ms[part]) for part in PARTS)
+    over_bare = {
+        "fill": fill / bare,
+        "align": align / bare,
+        "memory_adds": (memory - new_picture) / bare,
+    }
     return {
         "size": page.evaluate("window.peaking.pace().pixels"),
         "rounds": ROUNDS,
         "frame_ms": {part: round(float(np.median(times)), 1) for part, times in took_ms.items()},
         "over_bare": {
-            part: round(float(np.median(np.divide(took_ms[part], took_ms["bare"]))), 2)
-            for part in parts
+            part: round(float(np.median(ratios)), 2) for part, ratios in over_bare.items()
         },
         "filling_views": float(np.median(filling)),
         "align_worker_ms": round(float(np.nanmedian(worker_ms)), 1),
@@ -80,11 +91,26 @@ def frame_parts(page: Any) -> dict[str, object]:
 
 
 def frame_ms(page: Any) -> float:
-    """Return the mean time from frame to frame, milliseconds, over a span."""
+    """Return the mean time from frame to frame, milliseconds, over a second and ten frames."""
     before, begin_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
     page.wait_for_timeout(SPAN_MS)
+    let_pass(page, max(0, SPAN_FRAMES - (page.evaluate("window.peaking.frames()") - before)))
     after, end_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
-    return (end_ms - begin_ms) / max(after - before, 1)
+    return (end_ms - begin_ms) / (after - before)
+
+
+def let_pass(page: Any, frames: int) -> None:
+    """Wait until so many frames more are drawn.
+
+    Raises:
+        TimeoutError: They are not.
+    """
+    wanted = page.evaluate("window.peaking.frames()") + frames
+    until_s = time.monotonic() + PATIENCE_S
+    while page.evaluate("window.peaking.frames()") < wanted:
+        if time.monotonic() > until_s:
+            raise TimeoutError(f"waited {PATIENCE_S:.0f} s for {frames} frames")
+        page.wait_for_timeout(20)
 
 
 def long_sessions(address: str, frames: Sequence[Frame]) -> dict[int, str]:
@@ -123,7 +149,7 @@ def many_over_few(pages: Mapping[int, Any]) -> dict[str, object]:
     for _ in range(ROUNDS):
         for count, page in pages.items():
             page.bring_to_front()
-            page.wait_for_timeout(SPAN_MS / 4)
+            let_pass(page, SETTLING_FRAMES)
             took_ms[count].append(frame_ms(page))
     return {
         **{f"{count}_ms": round(float(np.median(times)), 1) for count, times in took_ms.items()},

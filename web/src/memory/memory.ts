@@ -11,6 +11,7 @@
 import { rigid, type Camera, type Vector3 } from '../geometry';
 import type { MpiStore } from '../mpi/mpi_store';
 import { AlignPictures } from '../render/align_pictures';
+import { LEVELS } from '../render/governor';
 import { Program } from '../render/program';
 import screenVertex from '../render/screen.vert.glsl?raw';
 import { ReadBack, Target } from '../render/target';
@@ -26,8 +27,6 @@ import { WrongPlaces } from './wrong_places';
 
 /** Pictures are so many times smaller than what is rendered, per axis. */
 const COARSER = 2;
-/** Reading depth costs a copy, and what was never seen does not flicker. */
-const EVERY_FRAMES = 3;
 /** What is told depends on what was compared when it was told before. */
 const ROUNDS = 2;
 /** A picture's long and short side are cut into so many parts to remember where it is wrong. */
@@ -36,6 +35,8 @@ const PARTS = { long: 32, short: 18 } as const;
 const USUAL_DEPTH_M = 1.5;
 
 export class Memory implements Disposable {
+  /** Reading depth costs a copy, and what was never seen does not flicker: asked after so many frames. */
+  everyFrames = LEVELS[0].rememberEvery;
   readonly #gl: WebGL2RenderingContext;
   readonly #maps: DepthMaps;
   readonly #ask: Program;
@@ -93,7 +94,7 @@ export class Memory implements Disposable {
     if (lost !== this.#worldsLost) this.#wrong.clear();
     this.#worldsLost = lost;
     const isNew = frame.pictureId === null || frame.pictureId !== this.#pictureId;
-    if (!isNew || this.#frame % EVERY_FRAMES !== 0) return;
+    if (!isNew || this.#frame % this.everyFrames !== 0) return;
     this.#pictureId = frame.pictureId;
     const map = frame.camera === null ? null : frame.depth();
     this.#hasDepth = map !== null && this.#upload(map);

@@ -14,15 +14,17 @@ export interface Allowance {
   readonly filling: number;
   /** Alignments begin no more often than this. */
   readonly alignEvery_ms: number;
+  /** Live depth is looked at, and the memory asked, after so many frames. */
+  readonly rememberEvery: number;
 }
 
 /** From everything to the least. */
 export const LEVELS: readonly [Allowance, ...Allowance[]] = [
-  { pixels: 1, blended: Infinity, filling: Infinity, alignEvery_ms: 60 },
-  { pixels: 1 / 2, blended: Infinity, filling: Infinity, alignEvery_ms: 60 },
-  { pixels: 1 / 4, blended: Infinity, filling: Infinity, alignEvery_ms: 60 },
-  { pixels: 1 / 4, blended: 2, filling: 1, alignEvery_ms: 60 },
-  { pixels: 1 / 4, blended: 2, filling: 1, alignEvery_ms: 300 },
+  { pixels: 1, blended: Infinity, filling: Infinity, alignEvery_ms: 60, rememberEvery: 3 },
+  { pixels: 1 / 2, blended: Infinity, filling: Infinity, alignEvery_ms: 60, rememberEvery: 3 },
+  { pixels: 1 / 4, blended: Infinity, filling: Infinity, alignEvery_ms: 60, rememberEvery: 3 },
+  { pixels: 1 / 4, blended: 2, filling: 1, alignEvery_ms: 60, rememberEvery: 3 },
+  { pixels: 1 / 4, blended: 2, filling: 1, alignEvery_ms: 300, rememberEvery: 9 },
 ];
 
 /** Cameras give 30 pictures a second. Between the two a level stands. */

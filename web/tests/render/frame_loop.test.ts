@@ -166,7 +166,7 @@ test('what is taken away is not drawn, and comes back', async () => {
   };
   expect(size()).toEqual([200, 400]);
   for (const { pixels, blended, filling } of [{ pixels: 1 / 4, blended: 2, filling: 1 }, LEVELS[0]]) {
-    renderer.allow({ pixels, blended, filling, alignEvery_ms: 60 });
+    renderer.allow({ ...LEVELS[0], pixels, blended, filling });
     const { viewIds } = draw();
     expect(viewIds).toHaveLength(Math.min(OPTIONS.neighbours, blended));
     expect(size()).toEqual([200 * Math.sqrt(pixels), 400 * Math.sqrt(pixels)]);

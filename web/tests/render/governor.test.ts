@@ -43,6 +43,7 @@ describe('LEVELS', () => {
       expect(level.blended).toBeLessThanOrEqual(before.blended);
       expect(level.filling).toBeLessThanOrEqual(before.filling);
       expect(level.alignEvery_ms).toBeGreaterThanOrEqual(before.alignEvery_ms);
+      expect(level.rememberEvery).toBeGreaterThanOrEqual(before.rememberEvery);
     }
     const first = (changed: (level: (typeof LEVELS)[number]) => boolean): number => LEVELS.findIndex(changed);
     const pixels = first((level) => level.pixels < 1);
