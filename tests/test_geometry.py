@@ -60,6 +60,16 @@ def test_what_is_no_pose_is_refused(matrix: np.ndarray, says: str) -> None:
         Rigid.from_matrix(matrix)
 
 
+@given(angles, vectors)
+def test_a_rotation_of_three_decimals_is_one(turn, shift) -> None:  # type: ignore[no-untyped-def]
+    exact = turned(turn, shift)
+    rounded = exact.matrix()
+    rounded[:3, :3] = rounded[:3, :3].round(3)
+    read = Rigid.from_matrix(rounded)
+    np.testing.assert_allclose(read.rotation @ read.rotation.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(read.rotation, exact.rotation, atol=2e-3)
+
+
 def test_principal_ray_and_pixel_centres() -> None:
     camera = Camera(PINHOLE, Rigid.identity())
     pixels, depth_m = camera.project(np.array([[0.0, 0.0, 2.0], [0.2, -0.1, 2.0]]))

@@ -39,6 +39,8 @@ SEEN_STRAIGHT_TOLERANCE = 3.0
 """Levels, 99th percentile, of a distorted picture of the room made straight; measured 2.0, and 4.0
 with half a pixel of error in the centre."""
 
+DESK = Path(__file__).parent.parent / "scenes/desk"
+
 Edit = Callable[[dict[str, Any]], object]
 
 
@@ -192,13 +194,61 @@ def test_instant_ngps_depth(folder: Path) -> None:
     assert half is not None
     np.testing.assert_allclose(2 * half, whole, rtol=1e-6)
     edit_json(folder, lambda top: top.pop("integer_depth_scale"))
-    assert "is missing" in str(complaint(lambda: open_recording(folder)))
+    error = complaint(lambda: open_recording(folder))
+    assert (error.field, "is missing" in str(error)) == ("frames[0].integer_depth_scale", True)
+
+
+def test_nerfcaptures_key_is_named(folder: Path) -> None:
+    def capture(top: dict[str, Any]) -> None:
+        top["depth_integer_scale"] = 1.0
+        for frame in top["frames"]:
+            frame["depth_path"] = frame.pop("depth_file_path")
+
+    edit_json(folder, capture)
+    error = complaint(lambda: open_recording(folder))
+    assert error.field == "depth_integer_scale"
+    assert "integer_depth_scale, 0.001" in error.remedy
+    edit_json(folder, at_top(integer_depth_scale=0.001))
+    assert open_recording(folder).read(0).depth_m is not None
+
+
+@pytest.mark.parametrize("kind", ["float16", "float32", "float64"])
+def test_floating_point_depth_has_no_unit_by_default(folder: Path, kind: str) -> None:
+    np.save(folder / "depths/a.npy", np.full((48, 64), 1.5, kind))
+    edit_json(folder, frame(depth_file_path="depths/a.npy"))
+    error = complaint(lambda: open_recording(folder))
+    assert error.field == "frames[3].depth_unit_scale_factor"
+    assert "1 for metres" in error.remedy
+    edit_json(folder, at_top(depth_unit_scale_factor=1))
+    np.testing.assert_array_equal(np.asarray(open_recording(folder).read(3).depth_m), 1.5)
+
+
+@pytest.mark.parametrize("times", [1, 5, 0.1])
+def test_whole_numbers_are_millimetres_unless_pictures_and_poses_say_otherwise(
+    tmp_path: Path, times: float
+) -> None:
+    """5000 in a metre, as TUM's data sets have it; 10 mm."""
+    indices = range(0, 40, 8)
+    folder = open_recording(DESK).write_subset(indices, tmp_path / "desk").root
+    for path in (folder / "depths").iterdir():
+        mm = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        path.write_bytes(encode_png(np.round(times * np.asarray(mm)).astype(np.uint16)))
+    edit_json(folder, without("depth_unit_scale_factor"))
+    if times == 1:
+        assert len(open_recording(folder)) == 5
+        return
+    error = complaint(lambda: open_recording(folder))
+    assert error.field == "depth_unit_scale_factor"
+    assert f"perhaps {0.001 / times:.1g}"[:-1] in error.remedy
+    edit_json(folder, at_top(depth_unit_scale_factor=0.001 / times))
+    assert len(open_recording(folder)) == 5
 
 
 def test_depth_at_another_size_and_as_array(folder: Path) -> None:
     depth_mm = np.array([[0, 1500, np.nan, np.inf], [-1, 2000, 2500, 0], [1, 1, 1, 1]])
     np.save(folder / "depths/small.npy", depth_mm)
-    edit_json(folder, lambda top: top["frames"][0].update(depth_file_path="depths/small.npy"))
+    fields = {"depth_file_path": "depths/small.npy", "depth_unit_scale_factor": 0.001}
+    edit_json(folder, lambda top: top["frames"][0].update(fields))
     depth_m = open_recording(folder).read(0).depth_m
     expected = [[0, 1.5, 0, 0], [0, 2, 2.5, 0], [0.001] * 4]
     np.testing.assert_allclose(np.asarray(depth_m), expected, rtol=1e-6)
@@ -496,6 +546,15 @@ BAD_FIELDS: dict[str, tuple[Edit, str, str]] = {
     "sphere": (at_top(camera_model="EQUIRECTANGULAR"), "camera_model", "cannot be read"),
     "model no text": (at_top(camera_model=5), "camera_model", "need a text"),
     "fisheye flag": (at_top(is_fisheye=True), "is_fisheye", "fisheye"),
+    "folds": (at_top(k1=-0.9, fl_x=60.0), "k1", "fold the picture"),
+    "folds by p2": (at_top(p2=-0.4), "p2", "fold the picture"),
+    "smears": (
+        lambda top: top.update(k1=-44.9, k2=1017.0, fl_x=260.6, fl_y=260.6, cx=32.0, cy=24.0),
+        "k1",
+        "stretch parts of the picture",
+    ),
+    "magnifies": (at_top(k1=50.0), "k1", "outside of the stored one"),
+    "k1 huge": (at_top(k1=1e300), "k1", "outside of the stored one"),
     "k4": (at_top(camera_model="FULL_OPENCV", k4=0.1), "k4", "undistorted"),
     "k1 text": (at_top(k1="0"), "k1", "need a number"),
     "applied scale": (at_top(applied_scale=-1), "applied_scale", "> 0"),

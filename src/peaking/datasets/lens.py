@@ -14,6 +14,15 @@ from jaxtyping import Float32, UInt8
 
 from peaking.geometry import Pinhole
 
+GRID = 64
+"""Places along each side at which a lens is looked at."""
+LEAST_STRETCH = 0.2
+"""Pixels of the stored picture in one of the straight picture, in its worst direction. Below it the
+straight picture is smeared; lenses of wide cameras keep above 0.4."""
+MOST_SMEARED = 0.02
+LEAST_INSIDE = 0.5
+"""Shares of the straight picture."""
+
 
 @dataclass(frozen=True)
 class Lens:
@@ -26,6 +35,11 @@ class Lens:
     def has_distortion(self) -> bool:
         """Whether pixels have to move at all."""
         return any(self.k1_k2_p1_p2_k3)
+
+    @property
+    def fault(self) -> str | None:
+        """Why no straight picture can be made of the lens's; None where one can."""
+        return _fault(self) if self.has_distortion else None
 
     def resized(self, width_px: int, height_px: int) -> Lens:
         """Return the same lens with another number of pixels."""
@@ -53,6 +67,35 @@ class Lens:
             depth_m, x_px, y_px, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0
         )
         return np.asarray(undistorted, dtype=np.float32)
+
+
+@lru_cache(maxsize=2)
+def _fault(lens: Lens) -> str | None:
+    k, (k1, k2, p1, p2, k3) = lens.pinhole, lens.k1_k2_p1_p2_k3
+    columns, rows = np.meshgrid(
+        np.linspace(0.0, k.width_px, GRID + 1), np.linspace(0.0, k.height_px, GRID + 1)
+    )
+    x, y = (columns - k.cx_px) / k.fx_px, (rows - k.cy_px) / k.fy_px
+    with np.errstate(over="ignore", invalid="ignore"):
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
+        bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        # The derivative is symmetric; its smaller eigenvalue is the stretch in the worst direction.
+        xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
+        yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+        xy = x * y * slope + 2 * p1 * x + 2 * p2 * y
+        least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)
+        u, v = k.fx_px * bent_x + k.cx_px, k.fy_px * bent_y + k.cy_px
+        inside = (u >= 0) & (u <= k.width_px) & (v >= 0) & (v <= k.height_px)
+    if not (least > 0).all():
+        return "fold the picture"
+    if (least < LEAST_STRETCH).mean() > MOST_SMEARED:
+        return f"stretch parts of the picture {1 / least.min():.3g} times"
+    if inside.mean() < LEAST_INSIDE:
+        return f"leave {1 - inside.mean():.0%} of the straight picture outside of the stored one"
+    return None
 
 
 # One lens usually took the whole recording; two entries hold its picture and its depth.

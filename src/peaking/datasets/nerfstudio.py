@@ -22,12 +22,14 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 
+from peaking.datasets.depth_unit import MOST, depth_over_distance
 from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.recording import GLASS, MIRROR
 from peaking.datasets.stored_images import (
     depth_size_px,
+    is_floating,
     picture_size_px,
     read_depth,
     read_grey,
@@ -35,6 +37,8 @@ from peaking.datasets.stored_images import (
 )
 from peaking.datasets.transforms_json import (
     FILE_NAME,
+    MILLIMETRE_M,
+    UNIT,
     Fields,
     Json,
     depth_of,
@@ -289,7 +293,7 @@ class NerfstudioRecording:
         return replace(written, root=out)
 
     def _fields(self, index: int) -> Fields:
-        return Fields(self.path, self.views[index].entry, {}, f"frames[{index}]")
+        return Fields(self.path, self.views[index].entry, self.top, f"frames[{index}]")
 
     def _depth_m(self, view: RecordedView) -> Float32[np.ndarray, "h w"] | None:
         """Decode the depth map of a view as it is stored; None where nothing is known."""
@@ -325,7 +329,8 @@ def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording
     """Open a nerfstudio (or instant-ngp, or Blender) data set.
 
     Poses become OpenCV axes and metres: an `applied_scale` in the file is taken back. Intrinsics
-    are those of the stored pictures, which may be a multiple of `w`, `h`.
+    are those of the stored pictures, which may be a multiple of `w`, `h`. Depth in whole numbers
+    that states no unit is in millimetres, unless pictures and poses say otherwise.
 
     Args:
         root: The folder that holds transforms.json.
@@ -334,6 +339,12 @@ def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording
     Raises:
         RecordingError: The first thing that is wrong, with its file, field and remedy.
     """
+    recording = _opened(root, confined=confined)
+    _check_unit(recording)
+    return recording
+
+
+def _opened(root: Path, *, confined: bool = False) -> NerfstudioRecording:
     within = root if confined else None
     top = read_json(root, within=within)
     path = root / FILE_NAME
@@ -350,6 +361,24 @@ def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording
     return NerfstudioRecording(root, tuple(views), shared, confined)
 
 
+def _check_unit(recording: NerfstudioRecording) -> None:
+    """Refuse depth that states no unit and cannot be in millimetres."""
+    unstated = [
+        number
+        for number, view in enumerate(recording.views)
+        if view.depth is not None and not _states_unit(recording._fields(number))
+    ]
+    ratio = depth_over_distance(unstated, recording.cameras, recording.read) if unstated else None
+    if ratio is not None and not 1 / MOST < ratio < MOST:
+        raise RecordingError(
+            recording.path,
+            f"is missing, and depth in millimetres would be {ratio:.3g} times as far away as "
+            "pictures and poses say",
+            field=UNIT,
+            remedy=f"write the unit of depth in metres, here perhaps {MILLIMETRE_M / ratio:.2g}",
+        )
+
+
 def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None) -> RecordedView:
     fields.check_paths()
     picture = fields.file("file_path")
@@ -361,6 +390,12 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
     points = None
     if depth is not None:
         _check_aspect(root / depth, lens, within)
+        if not _states_unit(fields) and is_floating(root / depth, within=within):
+            raise fields.wrong(
+                UNIT,
+                "is missing, and floating-point depth is in metres as often as in millimetres",
+                remedy="write 1 for metres or 0.001 for millimetres, in the frame or at the top",
+            )
     else:
         points = fields.file("ply_file_path")
     for key in _ASIDES:  # what is missing is found now, also where it is not needed to read on
@@ -378,6 +413,11 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
         points_unit_m=1.0 / applied_scale,
         entry=fields.own,
     )
+
+
+def _states_unit(fields: Fields) -> bool:
+    """Return whether a frame's depth states its unit; that of `depth_path` always does."""
+    return fields.get(UNIT) is not None or fields.get("depth_file_path") is None
 
 
 def _check_aspect(path: Path, lens: Lens, within: Path | None) -> None:
@@ -448,7 +488,7 @@ def _tells(path: Path, problem: str) -> RecordingError:
 def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> NerfstudioRecording:
     """Open what was written and compare it with what was meant."""
     try:
-        written = open_recording(folder)
+        written = _opened(folder)
     except RecordingError as error:
         raise OutputError(f"{out}: does not open again ({error}); check the disk") from error
     same = len(written) == len(chosen) and all(

@@ -110,6 +110,15 @@ def depth_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
     return width, height
 
 
+def is_floating(path: Path, *, within: Path | None = None) -> bool:
+    """Return whether a depth map, whose header is sound, holds floating-point numbers.
+
+    Raises:
+        RecordingError: The file cannot be read.
+    """
+    return path.suffix.lower() == ".npy" and _npy(path, within).dtype.kind == "f"
+
+
 def read_depth(
     path: Path, unit_m: float, *, within: Path | None = None
 ) -> Float32[np.ndarray, "h w"] | None:

@@ -28,6 +28,11 @@ Json = Mapping[str, Any]
 
 FILE_NAME = "transforms.json"
 
+UNIT = "depth_unit_scale_factor"
+"""Metres per value of a depth map."""
+MILLIMETRE_M = 0.001
+"""The unit of depth maps in whole numbers that state none, as nerfstudio has it."""
+_NGP_UNIT, _NERFCAPTURE_UNIT = "integer_depth_scale", "depth_integer_scale"
 _MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 _BENDS = ("k1", "k2", "p1", "p2", "k3")
 _BENDS_TOO_MUCH = ("k4", "k5", "k6")
@@ -215,8 +220,8 @@ def lens_of(fields: Fields, stored_px: tuple[int, int]) -> Lens:
     """Return the lens of a frame for its stored picture, whose size may be a multiple of w, h.
 
     Raises:
-        RecordingError: A field is missing or wrong, the lens is of another kind, or the picture has
-            another aspect.
+        RecordingError: A field is missing or wrong, the lens is of another kind or folds the
+            picture, or the picture has another aspect.
     """
     _refuse_other_lenses(fields)
     by_angle = fields.get("fl_x") is None and fields.get("camera_angle_x") is not None
@@ -242,7 +247,15 @@ def lens_of(fields: Fields, stored_px: tuple[int, int]) -> Lens:
         )
     pinhole = Pinhole(width_px, height_px, fx_px, fy_px, cx_px, cy_px)
     k1, k2, p1, p2, k3 = (fields.number(key, 0.0) for key in _BENDS)
-    return Lens(pinhole, (k1, k2, p1, p2, k3)).resized(*stored_px)
+    lens = Lens(pinhole, (k1, k2, p1, p2, k3))
+    if lens.fault is not None:
+        bends = ", ".join(f"{key} {fields.number(key, 0.0):g}" for key in _BENDS)
+        raise fields.wrong(
+            next(key for key in _BENDS if fields.number(key, 0.0) != 0),
+            f"the lens would {lens.fault} ({bends})",
+            remedy="calibrate the camera again with more pictures, or with k1 and k2 alone",
+        )
+    return lens.resized(*stored_px)
 
 
 def pose_of(fields: Fields, applied_scale: float) -> Rigid[World, Cam]:
@@ -279,13 +292,20 @@ def depth_of(fields: Fields) -> tuple[Path, float] | None:
     """
     path = fields.file("depth_file_path")
     if path is not None:
-        return path, fields.positive("depth_unit_scale_factor", 0.001)
+        return path, fields.positive(UNIT, MILLIMETRE_M)
     path = fields.file("depth_path")
     if path is None:
         return None
-    if fields.get("integer_depth_scale") is None:  # instant-ngp has no default
-        return path, fields.positive("depth_unit_scale_factor")
-    return path, fields.positive("integer_depth_scale")
+    if fields.get(UNIT) is not None:
+        return path, fields.positive(UNIT)
+    if fields.get(_NGP_UNIT) is None and fields.get(_NERFCAPTURE_UNIT) is not None:
+        raise fields.wrong(
+            _NERFCAPTURE_UNIT,
+            "is no unit of depth_path: NeRFCapture writes 1, whatever the unit",
+            remedy=f"say it in metres as {_NGP_UNIT}, {MILLIMETRE_M:g} for millimetres, or remove "
+            "depth_path from the frames",
+        )
+    return path, fields.positive(_NGP_UNIT)  # instant-ngp has no default
 
 
 def same_aspect(small_px: tuple[int, int], large_px: tuple[int, int]) -> bool:

@@ -157,8 +157,7 @@ def _blown_out(
     """
     out = (live >= BLOWN_OUT).all(axis=2) & (rendering.alpha >= MIN_ALPHA)
     shown = rendering.rgba[out]
-    brighter = exposure.gain * exposure.factors(*live.shape[1::-1])[out][:, None]
-    bright = shown[:, :3] * brighter >= BRIGHT * shown[:, 3:]
+    bright = shown[:, :3] * exposure.gain >= BRIGHT * shown[:, 3:]
     out[out] = bright.all(axis=1)
     return out
 

@@ -16,9 +16,8 @@ uniform bool remembers;
 out vec4 result;
 
 const float MIN_ALPHA = 0.5;
-// All channels of the live picture, from here on, and of what is rendered: a dark ghost on a white wall is wrong.
-const float BLOWN_OUT = 250.0 / 255.0;
-const float BRIGHT = 0.6;
+const float BLOWN_OUT = 250.0 / 255.0; // in all channels: brighter than the camera can tell
+const float BRIGHT = 0.6; // in all channels of the view, at the picture's exposure
 
 // By how much the live picture is brighter here; a pixel aside it is the same but for a trifle.
 vec3 brighter(ivec2 at, vec2 size) {
@@ -52,6 +51,13 @@ float least(vec3 around[9], vec3 still) {
   return found;
 }
 
+// The picture is as bright as it can be, and the view of a bright thing: what it shows dark is wrong.
+bool blownOut(ivec2 at) {
+  vec4 c = texelFetch(view, at, 0);
+  return all(greaterThanEqual(texelFetch(live, at, 0).rgb, vec3(BLOWN_OUT - 0.001)))
+    && c.a >= MIN_ALPHA && all(greaterThanEqual(c.rgb * exposure.rgb, vec3(BRIGHT * c.a)));
+}
+
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   ivec2 size = textureSize(view, 0);
@@ -80,9 +86,8 @@ void main() {
     unseen = told.r > 0.5;
     hopeless = told.g > 0.5 ? 0.5 : 0.0;
   }
-  bool blown_out = all(greaterThan(texelFetch(live, at, 0).rgb, vec3(BLOWN_OUT - 0.001)));
-  if (blown_out && !empty && all(greaterThanEqual(rendered(at, gain), vec3(BRIGHT)))) hopeless = 1.0;
   if (!apart || !over || unseen) hopeless = 0.0;
+  else if (blownOut(at)) hopeless = 1.0;
   bool peaked = hopeless == 0.0 && (over || (apart && unseen));
   result = vec4(peaked ? 1.0 : 0.0, unseen ? 1.0 : 0.0, error / 3.0, hopeless);
 }

@@ -217,8 +217,8 @@ interface MarksAsked {
   readonly touches: readonly (readonly [x: number, y: number])[];
 }
 
-/** Frames until what is shown has settled and was counted. */
-const SETTLED_FRAMES = 20;
+/** Frames until what is shown has settled, and what is read back asynchronously has come. */
+const SETTLED_FRAMES = 90;
 
 /** What is marked of a scene, once it has settled; and what a memory that comes later changes. */
 async function marks(scene: Scene, asked: MarksAsked): Promise<object> {
