@@ -137,6 +137,11 @@ export class LiveView implements Disposable {
     return this.#frames;
   }
 
+  /** Something else draws marks into the picture, so it is drawn anew at every frame. */
+  drawAlways(): void {
+    this.#renderer.keepsPicture = false;
+  }
+
   /** What of the picture is visible on the screen; shares are of that. */
   set visible(part: Part) {
     this.#renderer.visible = part;

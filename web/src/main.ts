@@ -107,6 +107,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
+  if (guide !== null) live.drawAlways();
   const hud = new Hud(overlay, {
     shoot: () => (guide === null ? shoot() : guide.press()),
     undo: (id) => void session.undo(id),

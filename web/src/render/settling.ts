@@ -12,6 +12,8 @@ import type { Targets } from './targets';
  * and changes at most every 0.22 s, which is less than three flashes a second.
  */
 const SETTLING_MS = 1000 * SETTLING_S;
+/** After so long without anything new nothing moves any more, by a 255th. */
+export const SETTLED_MS = 8 * SETTLING_MS;
 
 export class Settling implements Disposable {
   readonly #program: Program;
@@ -42,6 +44,11 @@ export class Settling implements Disposable {
     gl.uniform1f(program.uniform('share'), 1 - Math.exp(-passed_ms / SETTLING_MS));
     gl.uniform1i(program.uniform('apart'), this.apart ? 1 : 0);
     this.drawing.cover();
+  }
+
+  /** All has settled; what comes next begins to settle then. */
+  rest(time_ms: number): void {
+    this.#last_ms = time_ms;
   }
 
   [Symbol.dispose](): void {

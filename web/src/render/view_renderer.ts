@@ -25,7 +25,7 @@ import { drawMpi } from './mpi_quads';
 import { NearViews } from './near_views';
 import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
-import { Settling } from './settling';
+import { SETTLED_MS, Settling } from './settling';
 import shrinkFragment from './shrink.frag.glsl?raw';
 import { newProjection } from './projection';
 import { NO_SHARES, ShareCounter, type Part, type Shares } from './shares';
@@ -91,6 +91,12 @@ export class ViewRenderer implements Disposable {
   remembered: ((camera: Camera, targets: Targets) => Remembered | null) | null = null;
   /** What the result was compared with; -1: no memory. */
   #rememberedNumber = -1;
+  /** Nobody else draws into the picture, so one that stands still need not be drawn again. */
+  keepsPicture = true;
+  /** What is on the canvas, and since when nothing of it was new. */
+  readonly #drawn: {
+    pictureId: number | null; look: Look | null; compared: boolean; width: number; height: number; new_ms: number;
+  } = { pictureId: null, look: null, compared: false, width: 0, height: 0, new_ms: 0 };
   #rendered = 0;
   #allowance = LEVELS[0];
   #targets: Targets | null = null;
@@ -160,7 +166,7 @@ export class ViewRenderer implements Disposable {
     if (near.count === 0) {
       this.#shares.forget();
       targets.threshold = NaN; // what is compared again is counted again
-      this.#display(frame, image, targets, look, false);
+      if (!this.#stands(frame, look, false, false)) this.#display(frame, image, targets, look, false);
       return NOTHING;
     }
     // What did not change since the frame before is not computed again.
@@ -171,17 +177,21 @@ export class ViewRenderer implements Disposable {
     const changed = newPicture || newView;
     const remembered = this.remembered?.(camera, targets) ?? null;
     const number = remembered?.number ?? -1;
-    if (changed || look.threshold !== targets.threshold || number !== this.#rememberedNumber) {
+    const compares = changed || look.threshold !== targets.threshold || number !== this.#rememberedNumber;
+    if (compares) {
       this.#rememberedNumber = number;
       this.#compare(look, targets, remembered);
     }
     if (changed) targets.unmeasured = true;
     this.#shares.count(targets);
     this.#measureExposure(targets);
-    this.#settling.follow(frame.time_ms, targets);
     if (changed) this.#rendered += 1;
     this.onRendered?.(this.#rendered, near, camera, targets);
-    this.#display(frame, image, targets, look, true);
+    if (this.#stands(frame, look, compares, true)) this.#settling.rest(frame.time_ms);
+    else {
+      this.#settling.follow(frame.time_ms, targets);
+      this.#display(frame, image, targets, look, true);
+    }
     const { now } = this.#shares;
     this.#seen.peakedShare = now.peakedShare;
     this.#seen.wrongShare = now.wrongShare;
@@ -404,6 +414,29 @@ export class ViewRenderer implements Disposable {
     gl.uniform1i(grid.uniform('rows'), targets.grid.height / 2);
     this.#cover();
     targets.gridBack.request();
+  }
+
+  /**
+   * Whether the canvas shows already what this frame would draw. A phone's own frames begin empty.
+   *
+   * @param isNew Something of it is.
+   * @param compared It is compared with views, so marks settle after it was new.
+   */
+  #stands(frame: LiveFrame, look: Look, isNew: boolean, compared: boolean): boolean {
+    const { time_ms, pictureId, framebuffer, viewport: { width, height } } = frame;
+    const last = this.#drawn;
+    if (isNew || pictureId === null || pictureId !== last.pictureId || framebuffer !== null
+      || !this.keepsPicture || look !== last.look || compared !== last.compared
+      || width !== last.width || height !== last.height) {
+      last.pictureId = pictureId;
+      last.look = look;
+      last.compared = compared;
+      last.width = width;
+      last.height = height;
+      last.new_ms = time_ms;
+      return false;
+    }
+    return time_ms - last.new_ms > (compared ? SETTLED_MS : 0);
   }
 
   #display(
