@@ -20,11 +20,15 @@ from playwright.sync_api import Browser, sync_playwright
 CLIENT = Path(__file__).parents[1] / "src" / "peaking" / "server" / "client" / "index.html"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PEAKING = "from peaking.cli import main; main()"
+FULL_SIZE = ("demo", "--no-open")
+DEMO = (*FULL_SIZE, "--pixels", str(147 * 320))
+"""A quarter of the usual pixels: drawing takes as much less time, which counts without a card."""
 FLAGS = (
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # what holds the picture is put together by the processor: faster
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
@@ -59,7 +63,7 @@ class LiveServer:
     """`peaking demo` or `peaking serve`, which can be killed and started again at its address."""
 
     sessions: Path
-    command: Sequence[str] = ("demo", "--no-open")
+    command: Sequence[str] = DEMO
     port: int = 0
     wrapped_in: Sequence[str] = ()
     """A command that runs the server's command, such as one that mounts something for it."""

@@ -111,7 +111,9 @@ def test_a_finished_session_is_served_in_full(opened: Opened, tmp_path: Path) ->
         session = f"{SESSIONS}/{FINISHED}"
         removed = {c["number"]: c["removed"] for c in client.get(session).json()["captures"]}
         assert removed == {1: False, 2: True, 3: False}
-        assert len(client.get(f"{session}/peaked").json()["samples"]) == 8
+        samples = client.get(f"{session}/peaked").json()["samples"]
+        assert len(samples) == 8
+        assert [sample["unseen_share"] for sample in samples[:2]] == [0.1, 0.05]
         for number in (1, 3):
             assert capture_of(client, FINISHED, number)["state"] == "ready"
             capture = f"{session}/captures/{capture_id(number)}"

@@ -185,15 +185,48 @@ def test_a_recoloured_object_is_wrong_under_another_exposure() -> None:
 
 @both
 def test_what_no_view_has_seen_is_peaked_whatever_its_colour(backend: Backend) -> None:
-    rgba = np.zeros((1, 3, 4))
-    rgba[0, 1:] = (0.01, 0.01, 0.01, 1.0)
-    live = np.zeros((1, 3, 3), np.uint8)
-    unseen = np.array([[False, True, False]])
+    rgba = np.zeros((1, 8, 4))
+    rgba[0, 1:6] = (0.01, 0.01, 0.01, 1.0)
+    live = np.zeros((1, 8, 3), np.uint8)
+    unseen = np.zeros((1, 8), np.bool_)
+    unseen[0, 4:7] = True
     errors = compare(rendering(rgba), live, unseen=unseen, backend=backend)
-    # Nothing can be shown of the first, though it was seen; the second was never seen.
-    np.testing.assert_array_equal(errors.wrong, [[True, False, False]])
-    np.testing.assert_array_equal(errors.unseen, unseen)
-    np.testing.assert_array_equal(errors.peaked, [[True, True, False]])
+    # Nothing can be shown of the first, though it was seen; of the last it is the rim.
+    np.testing.assert_array_equal(errors.wrong[0], np.arange(8) == 0)
+    np.testing.assert_array_equal(errors.unseen[0], np.arange(8) >= 4)
+    np.testing.assert_array_equal(errors.peaked, errors.wrong | errors.unseen)
+
+
+@pytest.mark.parametrize(
+    ("shown", "live", "unfixable"),
+    [
+        ((0.9, 0.8, 0.65), (255, 252, 250), True),
+        ((0.9, 0.8, 0.65), (255, 252, 249), False),  # the camera still tells
+        ((0.2, 0.1, 0.0), (255, 255, 255), False),  # a dark ghost on a white wall
+        ((0.95, 0.95, 0.95), (255, 255, 255), False),  # not wrong at all
+    ],
+)
+def test_no_view_helps_where_the_camera_is_blinded(
+    shown: tuple[float, float, float], live: tuple[int, int, int], unfixable: bool
+) -> None:
+    view, picture = one_pixel(*shown, 1.0), np.array([[live]], np.uint8)
+    errors = compare(view, picture, compensate_exposure=False)
+    assert bool(errors.unfixable[0, 0]) is unfixable
+    assert errors.peaked_share == float(bool(errors.error[0, 0] > 0.3) and not unfixable)
+    plain = compare(view, picture, compensate_exposure=False, marks="paper")
+    assert plain.unfixable_share == 0.0
+    assert plain.peaked_share == float(errors.error[0, 0] > 0.3)
+
+
+def test_exposure_decides_what_is_bright() -> None:
+    rgb = np.full((96, 96, 3), 0.3) + np.linspace(0, 0.1, 96)[:, None, None]
+    view = rgb.copy()
+    view[:24, :24] = (0.4, 0.38, 0.35)
+    live = 2 * rgb
+    live[:24, :24] = 1.0
+    errors = compare(opaque(view), as_live(live))
+    assert errors.unfixable[:24, :24].mean() > 0.9
+    assert errors.unfixable[24:, 24:].mean() == 0.0
 
 
 @given(

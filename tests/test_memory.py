@@ -175,6 +175,72 @@ def test_both_backends_ask_views_the_same(two: list[Mpi]) -> None:
         assert same.mean() > 0.998
 
 
+def before_the_box() -> tuple[list[Mpi], Memory]:
+    """Views of the room while there was no box in it, and what they have seen."""
+    empty = Room(box_m=None)
+    mpis: list[Mpi] = []
+    for x_m in (0.0, 0.3, -0.3):
+        rgb, depth_m = empty.photographed(camera(x_m))
+        mpis.append(ViewBuilder(OPTIONS).generate(Frame("view", rgb, camera(x_m), depth_m)))
+    return mpis, Memory(mpis)
+
+
+def test_what_came_later_has_moved() -> None:
+    """A box stands where views looked through to the wall."""
+    _, memory = before_the_box()
+    live_m = ROOM.photographed(camera(0.1))[1]
+    box = live_m < 1.5
+    everything = np.ones_like(box)
+    moved = memory.moved(camera(0.1), everything, live_m)
+    assert moved[box].mean() > 0.8
+    assert moved[~box].mean() < 0.1
+    assert not memory.moved(camera(0.1), ~everything, live_m).any()
+    assert not memory.moved(camera(0.1), everything, None).any()
+    assert not memory.moved(camera(0.1), everything, np.zeros_like(live_m)).any()
+
+
+@pytest.mark.parametrize("at", [camera(0.15), *BESIDE])
+def test_what_stands_still_has_not_moved(two: list[Mpi], at: Camera) -> None:
+    """However wrong it is shown, and whatever of it was hidden."""
+    live_m = ROOM.photographed(at)[1]
+    assert Memory(two).moved(at, np.ones((72, 96), np.bool_), live_m).mean() < 0.01
+
+
+def test_one_view_alone_tells_of_no_movement() -> None:
+    """It may be wrong itself."""
+    mpis, _ = before_the_box()
+    live_m = ROOM.photographed(camera(0.1))[1]
+    assert not Memory(mpis[:1]).moved(camera(0.1), np.ones((72, 96), np.bool_), live_m).any()
+
+
+def test_both_backends_look_through_the_same() -> None:
+    maps = DepthMaps()
+    for x_m in (0.0, 0.3):
+        maps.add(camera(x_m), Room(box_m=None).photographed(camera(x_m))[1])
+    for at in [camera(0.1), *BESIDE]:
+        live_m = ROOM.photographed(at)[1]
+        asked = maps.asked_by(at, 2.0)
+        slow = _numpy.looked_through(live_m, at.pinhole, asked)
+        fast = _numba.looked_through(live_m, at.pinhole, asked)
+        assert (slow == fast).mean() > 0.998
+        box = live_m < 0.9 * Room(box_m=None).photographed(at)[1]
+        assert (slow[box].mean() > 0.5) == box.any()
+
+
+def test_what_has_moved_asks_for_no_view() -> None:
+    scene = Reconstruction(OPTIONS)
+    for x_m in (0.0, 0.3, -0.3):
+        rgb, depth_m = Room(box_m=None).photographed(camera(x_m))
+        scene.add_view(Frame("view", rgb, camera(x_m), depth_m))
+    live = frame(camera(0.1))
+    said = scene.compare(live.rgb, live.camera, depth_m=live.depth_m).errors
+    without_depth = scene.compare(live.rgb, live.camera).errors
+    assert said.unfixable_share > 0.02
+    assert said.wrong_share < 0.3 * without_depth.wrong_share
+    assert not (said.unfixable & (said.peaked | said.wrong)).any()
+    assert without_depth.unfixable_share == 0.0
+
+
 def test_a_reconstruction_remembers_what_it_was_given() -> None:
     scene = Reconstruction(OPTIONS)
     scene.add_view(frame(camera(0.0)))

@@ -273,6 +273,30 @@ class LightField:
             with _stage(stopwatch, "nearest"):
                 neighbours = self.choose_views(camera)
         rendering = self.render(camera, neighbours=neighbours, scratch=scratch, stopwatch=stopwatch)
+        errors = self.errors_of(rendering, live, camera, depth_m=depth_m, stopwatch=stopwatch)
+        return Comparison(rendering, errors, tuple(neighbours))
+
+    def errors_of(
+        self,
+        rendering: Rendering,
+        live: UInt8[np.ndarray, "h w 3"],
+        camera: Camera,
+        *,
+        depth_m: Float32[np.ndarray, "dh dw"] | None = None,
+        stopwatch: Stopwatch | None = None,
+    ) -> ErrorMap:
+        """Return where a rendering and a live picture differ, and what the memory says of it.
+
+        Args:
+            rendering: Of the camera.
+            live: The picture, of its size.
+            camera: Where it was taken.
+            depth_m: As in `compare`.
+            stopwatch: Takes the time of every stage.
+
+        Raises:
+            ValueError: The sizes differ.
+        """
         unseen = None
         if self.memory is not None:
             with _stage(stopwatch, "remember"):
@@ -280,7 +304,10 @@ class LightField:
                 unseen = sight.unseen_at(*camera.pinhole.size_px)
         with _stage(stopwatch, "compare"):
             errors = compare_with(self.options, rendering, live, unseen=unseen)
-        return Comparison(rendering, errors, tuple(neighbours))
+        if self.memory is None or self.options.marks == "paper":
+            return errors
+        with _stage(stopwatch, "remember"):
+            return errors.without(self.memory.moved(camera, errors.wrong, depth_m))
 
 
 def compare_with(

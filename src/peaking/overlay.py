@@ -4,7 +4,10 @@ What is marked apart is told apart by more than its colour, and never covers wha
 
 - *wrong*: red, see-through, with a thin light contour, so that it reads on red things;
 - *never seen*: the live picture, grey and cool, with a fine hatch and a thin light border;
-- *no view will help*: amber dots with a border.
+- *no view will help*: amber dots with a dark rim, so that they read on what is over-exposed, and
+  a border.
+
+The client draws the same (`web/src/render/display.frag.glsl`), smooth on a screen with more pixels.
 """
 
 from __future__ import annotations
@@ -37,7 +40,13 @@ UNFIXABLE_RGB = (255, 176, 0)
 """Amber."""
 
 HATCH_PX = 6
-"""From one line of the hatch to the next, along a row; the same of the dots."""
+"""From one line of the hatch to the next, along a row."""
+
+UNFIXABLE_RIM_RGB, UNFIXABLE_RIM_OPACITY = (31, 20, 0), 0.6
+"""Around each dot."""
+
+DOT_EVERY_PX, DOT_PX, DOT_RIM_PX = 8, 1.6, 0.9
+"""From one dot to the next, its radius, and how much farther its rim reaches."""
 
 
 def mpi_over_black(rendering: Rendering) -> UInt8[np.ndarray, "h w 3"]:
@@ -99,8 +108,7 @@ def _marked(
     _paint(shown, _border(errors.unseen), UNSEEN_RGB, 0.9)
     _paint(shown, errors.wrong, ERROR_RGB, WRONG_OPACITY)
     _paint(shown, _border(~errors.wrong), CONTOUR_RGB, 0.6)
-    dots = ((rows // 2) % (HATCH_PX // 2) == 0) & ((cols // 2) % (HATCH_PX // 2) == 0)
-    _paint(shown, errors.unfixable & dots, UNFIXABLE_RGB, 0.9)
+    _paint_dots(shown, errors.unfixable)
     _paint(shown, _border(errors.unfixable), UNFIXABLE_RGB, 0.9)
     return np.clip(shown + 0.5, 0, 255).astype(np.uint8)
 
@@ -109,9 +117,23 @@ def _paint(
     shown: Float32[np.ndarray, "h w 3"],
     mask: Bool[np.ndarray, "h w"],
     rgb: tuple[int, int, int],
-    opacity: float,
+    opacity: float | Float32[np.ndarray, "masked 1"],
 ) -> None:
     shown[mask] += opacity * (np.array(rgb, np.float32) - shown[mask])
+
+
+def _paint_dots(shown: Float32[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> None:
+    rows, cols = np.nonzero(mask)
+    half = DOT_EVERY_PX / 2
+    from_middle_px = np.hypot(
+        rows % DOT_EVERY_PX + 0.5 - half, cols % DOT_EVERY_PX + 0.5 - half
+    ).astype(np.float32)
+    for rgb, opacity, radius_px in (
+        (UNFIXABLE_RIM_RGB, UNFIXABLE_RIM_OPACITY, DOT_PX + DOT_RIM_PX),
+        (UNFIXABLE_RGB, 1.0, DOT_PX),
+    ):
+        covered = np.clip(radius_px - from_middle_px + np.float32(0.5), 0, 1)[:, None]
+        _paint(shown, mask, rgb, np.float32(opacity) * covered)
 
 
 def _border(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

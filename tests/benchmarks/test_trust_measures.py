@@ -12,6 +12,7 @@ import pytest
 from trust_rules import Rule, at_random, everything, nothing, oracle
 
 from peaking.benchmarks.trust import false_red, seen, steady, true_red
+from peaking.benchmarks.trust import stage as stage_module
 from peaking.benchmarks.trust.constructed import MAKERS
 from peaking.benchmarks.trust.run import MEASURE_NAMES, measure_scenes
 from peaking.benchmarks.trust.scene import open_trust_scene
@@ -180,8 +181,12 @@ def test_the_table_has_a_line_for_every_measure(document: dict[str, Any]) -> Non
 
 
 def test_the_command_measures_what_is_asked_for(
-    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    root: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(stage_module, "QUICK", FEW)
     out = tmp_path / "trust.json"
     main(["bench", "trust", str(root), "--quick", "--only", "steady,useful", "--json", str(out)])
     (scene,) = json.loads(out.read_text())["scenes"]

@@ -186,7 +186,9 @@ def _peaked(client: TestClient, session: str) -> None:
         {
             "time_s": 1_764_000_000.0 + second,
             "peaked_share": round(0.4 / second, 4),
-            "missing_share": round(0.1 / second, 4),
+            "wrong_share": round(0.3 / second, 4),
+            "unseen_share": round(0.1 / second, 4),
+            "unfixable_share": 0.0,
             "views": min(second, 3),
             "world_from_cam": pose,
         }
@@ -302,7 +304,7 @@ def _participant(client: TestClient, name: str) -> None:
             ("CaptureBegun", 10.0, {}),
             ("ViewTaken", 12.0, {"capture": capture_id(1)}),
             ("ViewJoined", 12.5, {"capture": capture_id(1), "generated_s": 12.4}),
-            ("PeakedTold", 13.0, {"peaked_share": 0.25, "missing_share": 0.125, "views": 1}),
+            ("PeakedTold", 13.0, {"peaked_share": 0.25, "unseen_share": 0.125, "views": 1}),
             ("CaptureEnded", 40.0, {}),
         )
     ):

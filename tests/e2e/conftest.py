@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext
 
-from live_server import LiveServer, chromium
+from live_server import DEMO, LiveServer, chromium
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def context(browser: Browser) -> Generator[BrowserContext, None, None]:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Generator[LiveServer, None, None]:
-    server = LiveServer(tmp_path / "sessions").start()
+def server(tmp_path: Path, request: pytest.FixtureRequest) -> Generator[LiveServer, None, None]:
+    server = LiveServer(tmp_path / "sessions", getattr(request, "param", DEMO)).start()
     yield server
     server.stop()

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
-from live_server import LiveServer
+from live_server import DEMO, FULL_SIZE, LiveServer
 
 ORANGE = (255, 168, 26)
 """COLOURS.right of web/src/guidance/marks.ts, of the next target, which is drawn opaque."""
@@ -22,7 +22,7 @@ GRID = "source=virtual&guide=plenoptic&area=0.12&depth=exact"
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Generator[LiveServer, None, None]:
-    server = LiveServer(tmp_path_factory.mktemp("guided") / "sessions").start()
+    server = LiveServer(tmp_path_factory.mktemp("guided") / "sessions", FULL_SIZE).start()
     yield server
     server.stop()
 
@@ -148,7 +148,7 @@ def test_a_view_that_is_undone_opens_its_target_again(
 
 def test_a_recording_can_be_guided_too(browser: Browser, tmp_path: Path) -> None:
     desk = Path(__file__).parents[2] / "scenes" / "desk"
-    server = LiveServer(tmp_path / "sessions", command=("demo", str(desk), "--no-open")).start()
+    server = LiveServer(tmp_path / "sessions", (*DEMO, str(desk))).start()
     try:
         context = browser.new_context(viewport={"width": 1280, "height": 800})
         query = "source=replay&guide=plenoptic&near=0.03&angle=25"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Browser, BrowserContext, Route
 
 from adampi_checkpoints import write_checkpoint
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from full_disks import any_full_disk
-from live_server import LiveServer
+from live_server import DEMO, FULL_SIZE, LiveServer
 from peaking.datasets import open_recording
 
 
@@ -26,6 +27,7 @@ def stored_ids(sessions: Path) -> list[str]:
     return [event["id"] for event in events if event["type"] == "CaptureStored"]
 
 
+@pytest.mark.parametrize("server", [FULL_SIZE], indirect=True)
 def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     context: BrowserContext, server: LiveServer
 ) -> None:
@@ -208,7 +210,7 @@ def test_it_works_on_a_small_screen(browser: Browser, server: LiveServer) -> Non
 
 def test_a_recording_plays_as_the_camera(browser: Browser, tmp_path: Path) -> None:
     desk = Path(__file__).parents[2] / "scenes" / "desk"
-    server = LiveServer(tmp_path / "sessions", command=("demo", str(desk), "--no-open")).start()
+    server = LiveServer(tmp_path / "sessions", (*DEMO, str(desk))).start()
     try:
         context = browser.new_context(viewport={"width": 1280, "height": 800})
         phone = VirtualPhonePage(context.new_page(), server.address, query="source=replay")

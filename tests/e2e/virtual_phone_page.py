@@ -32,14 +32,19 @@ def keep_picture(page: Page, name: str) -> None:
 
 
 class VirtualPhonePage:
-    """The capture page with the virtual phone, in a real browser."""
+    """The capture page with the virtual phone, in a real browser.
 
-    def __init__(self, page: Page, address: str, *, query: str = "source=virtual") -> None:
+    Without a graphics card every page is slow, so nothing gives way unless that is what is tested.
+    """
+
+    def __init__(
+        self, page: Page, address: str, *, query: str = "source=virtual", governor: str = "off"
+    ) -> None:
         self.page = page
         self.problems: list[str] = []
         page.on("pageerror", lambda error: self.problems.append(str(error)))
         page.set_default_timeout(PATIENCE_MS)
-        page.goto(f"{address}/?{query}", wait_until="commit")
+        page.goto(f"{address}/?governor={governor}&{query}", wait_until="commit")
         self.wait_until_running()
 
     def wait_until_running(self) -> None:

@@ -40,10 +40,17 @@ def network() -> AdaMpiNetwork:
     return random_network(1)
 
 
+def drawn_pictures(height_px: int, width_px: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return colours and disparities."""
+    generator = torch.Generator().manual_seed(4)
+    drawn = torch.rand(1, 4, height_px, width_px, generator=generator)
+    return drawn[:, :3], drawn[:, 3:]
+
+
 @pytest.fixture(scope="module")
 def pictures() -> tuple[torch.Tensor, torch.Tensor]:
-    drawn = torch.rand(1, 4, 128, 256, generator=torch.Generator().manual_seed(4))
-    return drawn[:, :3], drawn[:, 3:]
+    """Return the smallest that the network takes."""
+    return drawn_pictures(128, 128)
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +60,10 @@ def expected(network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor]
         return network(*pictures, NUM_PLANES)
 
 
-def test_the_processor_s_way_is_the_reference_s(
-    network: AdaMpiNetwork, pictures: tuple[torch.Tensor, torch.Tensor]
-) -> None:
+def test_the_processor_s_way_is_the_reference_s(network: AdaMpiNetwork) -> None:
     double = AdaMpiNetwork().eval().double()
     double.load_state_dict(network.state_dict())
-    rgb, disparity = (picture.double() for picture in pictures)
+    rgb, disparity = (picture.double() for picture in drawn_pictures(128, 256))
     expected = double(rgb, disparity, NUM_PLANES)
     made = forward_on_cpu(double, rgb, disparity, NUM_PLANES)
     torch.testing.assert_close(made, expected, atol=SAME_IN_DOUBLE, rtol=0)

@@ -40,6 +40,11 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def weights() -> Weights:
+    return random_network(1).state_dict()
+
+
+@pytest.fixture(scope="module")
 def adampi(checkpoint: Path) -> Generator:
     return create_generator(
         replace(DEFAULT, generator="adampi", num_planes=4, checkpoint=checkpoint, device="cpu")
@@ -101,12 +106,12 @@ def test_slants_stay_as_they_are() -> None:
 def test_the_command_line_makes_a_file(
     tmp_path: Path, checkpoint: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = write_recording(tmp_path / "scene", num_frames=1)
+    scene = write_recording(tmp_path / "scene", num_frames=1, width_px=128, height_px=128)
     out = tmp_path / "view.mpi"
     flags = ["--generator", "adampi", "--checkpoint", str(checkpoint), "--device", "cpu"]
-    sizes = ["--pixels", str(176 * 132), "--num-planes", "4"]
+    sizes = ["--pixels", str(128 * 128), "--num-planes", "4"]
     main(["generate", str(scene), "--out", str(out), *flags, *sizes])
-    assert "176x132x4" in capsys.readouterr().out
+    assert "128x128x4" in capsys.readouterr().out
     assert read_mpi(out).generator == "adampi"
 
 
@@ -152,9 +157,9 @@ BAD_DOCUMENTS: dict[str, tuple[Callable[[Weights], object], str]] = {
 
 
 @pytest.mark.parametrize("name", BAD_DOCUMENTS)
-def test_wrong_checkpoints_are_refused_by_name(tmp_path: Path, name: str) -> None:
+def test_wrong_checkpoints_are_refused_by_name(tmp_path: Path, weights: Weights, name: str) -> None:
     make, message = BAD_DOCUMENTS[name]
-    path = saved(tmp_path / "bad.pth", make(random_network(1).state_dict()))
+    path = saved(tmp_path / "bad.pth", make(weights))
     with pytest.raises(CheckpointError, match=message) as caught:
         read_checkpoint(path)
     assert str(caught.value).startswith(f"{path}: ")
@@ -207,8 +212,10 @@ def test_any_damage_is_a_sentence(tmp_path: Path, damage: int) -> None:
     ],
     ids=["sparse", "meta", "complex"],
 )
-def test_tensors_of_other_kinds_are_refused(tmp_path: Path, value: torch.Tensor) -> None:
-    weight = random_network(1).state_dict() | {"fmn.conv9.layer.0.bias": value}
+def test_tensors_of_other_kinds_are_refused(
+    tmp_path: Path, weights: Weights, value: torch.Tensor
+) -> None:
+    weight = weights | {"fmn.conv9.layer.0.bias": value}
     path = saved(tmp_path / "bad.pth", {"num_planes": 4, "weight": weight})
     with pytest.raises(CheckpointError, match=r"fmn\.conv9\.layer\.0\.bias|more than"):
         read_checkpoint(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import torch
@@ -155,6 +157,7 @@ def drawn_planes(seed: int) -> Planes:
     return Planes(torch.linspace(0.05, 1.0, 8), smooth[:, :3].contiguous(), alpha)
 
 
+@cache
 def network_planes() -> Planes:
     """Return what a network with random weights says of a drawn picture."""
     generator = torch.Generator().manual_seed(7)

@@ -107,6 +107,23 @@ def test_drawings_say_what_they_show(tmp_path: Path) -> None:
     assert all(found["aria-label"] for found in drawings)
 
 
+@pytest.mark.parametrize(
+    ("marks", "said"),
+    [("apart", "amber dots are wrong and no view will help"), ("paper", "in red")],
+)
+def test_marks_are_explained_and_counted_apart(tmp_path: Path, marks: str, said: str) -> None:
+    (tmp_path / "overlay.mp4").touch()
+    shares = {"wrong_share": 0.021, "unseen_share": 0.013, "unfixable_share": 0.004}
+    records = [path_record(i, **shares) for i in range(30)]
+    summary = summarize(settings(options={"marks": marks}), records)
+    path = tmp_path / "report.html"
+    write_report(path, summary=summary, records=records, stills=[still(12)])
+    text = path.read_text()
+    assert said in text
+    for words in ("2.10 % wrong", "1.30 % never seen", "0.40 % no view will help"):
+        assert words.replace(" %", "\u00a0%") in text
+
+
 def test_no_frame_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="at least 1 frame"):
         report(tmp_path, [])

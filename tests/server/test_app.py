@@ -118,12 +118,13 @@ def test_the_session_can_be_named_and_taken_home(client: TestClient) -> None:
 
 def test_peaked_shares_are_kept(client: TestClient) -> None:
     pose = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]
-    sample = {"time_s": 1.0, "peaked_share": 0.2, "missing_share": 0.1, "views": 1}
-    told = {"samples": [sample | {"world_from_cam": pose}]}
+    shares = {"peaked_share": 0.2, "wrong_share": 0.1, "unseen_share": 0.1, "unfixable_share": 0.05}
+    told = {"samples": [{"time_s": 1.0, "views": 1, "world_from_cam": pose} | shares]}
     for batch in ("batch-01", "batch-01", "batch-02"):  # whatever is sent again is kept once
         assert client.put(f"{SESSION}/peaked/{batch}", json=told).status_code == 204
     assert len(client.get(f"{SESSION}/peaked").json()["samples"]) == 1
-    assert client.get(f"{SESSION}/peaked").json()["samples"][0]["peaked_share"] == 0.2
+    kept = client.get(f"{SESSION}/peaked").json()["samples"][0]
+    assert {name: kept[name] for name in shares} == shares
     assert client.get(SESSION).json()["summary"]["peaked_share"] == 0.2
 
 

@@ -21,7 +21,7 @@ from peaking.server.upload import BadUpload, parse_upload
 from server.test_sessions import empty_mpi
 
 SOUND_ID = "50d0d011-0000-4000-8000-000000000001"
-SAMPLE = {"peaked_share": 0.25, "missing_share": 0.0, "views": 1, "world_from_cam": [1.0] * 12}
+SAMPLE = {"peaked_share": 0.25, "unseen_share": 0.0, "views": 1, "world_from_cam": [1.0] * 12}
 NEW = msgspec.convert(new_session(), wire.NewSession)
 
 

@@ -158,7 +158,7 @@ def peaked(number: int) -> dict[str, Any]:
     sample = {
         "time_s": 1_700_000_000.0 + number,
         "peaked_share": 0.25,
-        "missing_share": 0.125,
+        "unseen_share": 0.125,
         "views": 1,
         "world_from_cam": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0],
     }

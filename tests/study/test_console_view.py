@@ -32,7 +32,7 @@ def told(number: int, step: str = "t1.capture") -> wire.Told:
         step=step,
         time_s=float(number),
         peaked_share=0.5,
-        missing_share=0.25,
+        unseen_share=0.25,
         views=1,
     )
 

@@ -232,7 +232,7 @@ def test_what_the_phone_tells_twice_is_kept_once(client: TestClient, study: Path
     events = [
         told("CaptureBegun", "b", 10.0),
         told("ViewTaken", "v", 12.0, capture="v"),
-        told("PeakedTold", "p", 13.0, peaked_share=0.5, missing_share=0.0, views=1),
+        told("PeakedTold", "p", 13.0, peaked_share=0.5, unseen_share=0.0, views=1),
     ]
     for batch in ("batch-01", "batch-01", "batch-02"):
         assert tell(client, told_by(events), batch) == 204

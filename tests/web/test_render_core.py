@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import re
-import subprocess
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +15,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from live_server import chromium
 from peaking.datasets import open_recording
 from peaking.geometry import Camera, Rigid
 from peaking.mpi import Mpi
@@ -53,32 +50,6 @@ SOON_MS = 350.0
 OPTIONS = replace(
     DEFAULT, pixels=SIZE[0] * SIZE[1], compensate_exposure=False, marks="paper", filling_views=0
 )
-
-
-@pytest.fixture(scope="module")
-def page() -> Generator[Page, None, None]:
-    command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
-    vite = subprocess.Popen(
-        command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert vite.stdout is not None
-    try:
-        said, address = "", None
-        while address is None:
-            line = vite.stdout.readline()
-            assert line, f"vite did not start: {said}"
-            said += line
-            address = re.search(r"http://127\.0\.0\.1:\d+", re.sub(r"\x1b\[[0-9;]*m", "", line))
-        with chromium() as browser:
-            page = browser.new_page()
-            page.set_default_timeout(90_000)
-            page.goto(f"{address.group()}/tests/pages/core.html", wait_until="commit")
-            page.wait_for_function("window.core !== undefined")
-            yield page
-    finally:
-        vite.terminate()
-        vite.wait(120)
-        vite.stdout.close()
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,14 @@
 
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
-import { cameraOfWire, type Camera } from './geometry';
+import { cameraOfWire, type Camera, type Vector3 } from './geometry';
+import { Memory } from './memory/memory';
 import { Motion } from './motion';
 import { MpiDecoder } from './mpi/decoder';
 import { MpiStore } from './mpi/mpi_store';
+import { LEVELS, type Allowance, type Governor } from './render/governor';
+import type { Part } from './render/shares';
+import type { WhyUnfixable } from './render/touched';
 import { ViewRenderer, type Look, type Seen } from './render/view_renderer';
 import type { LiveFrame, WorldResets } from './sources/frame_source';
 import { Timeline } from './timeline';
@@ -29,6 +33,20 @@ export interface LiveState {
   readonly tracking: TrackingState;
   /** That the device's world has moved, or null. */
   readonly jumped: string | null;
+  /** Towards the largest wrong area outside the picture, in axes of the camera; null: none is known. */
+  readonly towards: Vector3 | null;
+}
+
+/** How much a frame draws. */
+export interface Pace {
+  /** Of the governor, and the time that it goes by; null where there is none. */
+  readonly level: number | null;
+  readonly frame_ms: number | null;
+  readonly allowance: Allowance;
+  /** Of the rendering. */
+  readonly pixels: number;
+  /** Views that fill what the blended ones leave empty. */
+  readonly filling: number;
 }
 
 /** Depth may be late by so many frames after tracking began before its absence is said. */
@@ -43,10 +61,14 @@ const NO_RESETS: WorldResets = { followed: 0, lost: 0 };
 export class LiveView implements Disposable {
   readonly timeline = new Timeline();
   readonly store: MpiStore;
+  /** What gives way on a slow device; null: nothing does. */
+  governor: Governor | null = null;
   look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 
   #renderer: ViewRenderer;
   readonly #tracker: PoseTracker;
+  /** Null where what is wrong is not told apart, or the card cannot. */
+  readonly #memory: Memory | null;
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
   readonly #motion = new Motion();
@@ -58,6 +80,7 @@ export class LiveView implements Disposable {
   #busy = false;
   /** The card is giving its pixels. */
   #reading = false;
+  #allowance = LEVELS[0];
   #frames = 0;
   #framesWithoutDepth = 0;
   #hasDepth = false;
@@ -72,7 +95,7 @@ export class LiveView implements Disposable {
     this.#renderer = new ViewRenderer(gl, options);
     const tracker = new PoseTracker(gl);
     this.#tracker = tracker;
-    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null };
+    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null, towards: null };
     if (options.align_poses === true) {
       this.#renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
     }
@@ -81,6 +104,8 @@ export class LiveView implements Disposable {
       maxResident: MAX_RESIDENT,
       onProblem: (_, error) => onProblem(`A view cannot be shown: ${String(error)}`),
     });
+    this.#memory = options.marks === 'apart' && Memory.supportedBy(gl) ? new Memory(gl, this.store) : null;
+    this.#renderer.remembered = this.#memory?.tell ?? null;
     this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
     this.#photos = new PhotoReader(gl);
     session.subscribe(() => this.#follow(session.views));
@@ -96,8 +121,35 @@ export class LiveView implements Disposable {
     return this.#tracker;
   }
 
+  /** What is drawn, for tests, benchmarks, and whoever looks why a picture is coarse. */
+  get pace(): Pace {
+    const targets = this.#renderer.targets();
+    return {
+      level: this.governor?.level ?? null,
+      frame_ms: this.governor?.frame_ms ?? null,
+      allowance: this.#allowance,
+      pixels: targets === null ? 0 : targets.view.width * targets.view.height,
+      filling: targets === null ? 0 : targets.filling.filter(({ mpi }) => mpi !== null).length,
+    };
+  }
+
   get frames(): number {
     return this.#frames;
+  }
+
+  /** Something else draws marks into the picture, so it is drawn anew at every frame. */
+  drawAlways(): void {
+    this.#renderer.keepsPicture = false;
+  }
+
+  /** What of the picture is visible on the screen; shares are of that. */
+  set visible(part: Part) {
+    this.#renderer.visible = part;
+  }
+
+  /** Why no view will help at a place, in shares of the picture from its top left corner; null where that is not marked. */
+  whyUnfixable(x: number, y: number): WhyUnfixable | null {
+    return this.look.overlay === 'mpi' ? null : this.#renderer.whyUnfixable(x, y);
   }
 
   /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */
@@ -105,9 +157,18 @@ export class LiveView implements Disposable {
     if (this.#state.hindrance === null) this.#wanted = taken;
   }
 
+  /** Do no more than this from now on, or until the governor says otherwise. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#renderer.allow(allowance);
+    this.#tracker.every_ms = allowance.alignEvery_ms;
+    if (this.#memory !== null) this.#memory.everyFrames = allowance.rememberEvery;
+  }
+
   /** To be called for every frame of the source. */
   draw(frame: LiveFrame): void {
     this.#frames += 1;
+    if (this.governor?.frame(frame.time_ms) === true) this.allow(this.governor.allowance);
     this.#motion.update(frame.time_ms, frame.camera);
     this.#lookForDepth(frame);
     const taken = this.#wanted;
@@ -118,6 +179,7 @@ export class LiveView implements Disposable {
       void this.#take(frame, taken);
     }
     const shown = this.#tracker.shown(frame);
+    if (!this.#reading) this.#memory?.observe(shown);
     const seen = this.#reading
       ? this.#renderer.redraw(shown, this.store, this.look, this.#state.seen)
       : this.#renderer.draw(shown, this.store, this.look);
@@ -125,6 +187,7 @@ export class LiveView implements Disposable {
     this.#state.seen = seen;
     this.#state.hindrance = this.#hindrance(frame);
     this.#state.camera = frame.camera;
+    this.#state.towards = frame.camera === null ? null : this.#memory?.elsewhere(frame.camera) ?? null;
     this.#state.jumped = this.#jumps.of(
       frame.time_ms, this.#tracker.state.jumps, frame.resets ?? NO_RESETS);
   }
@@ -132,6 +195,7 @@ export class LiveView implements Disposable {
   [Symbol.dispose](): void {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
+    this.#memory?.[Symbol.dispose]();
     this.store[Symbol.dispose]();
   }
 

@@ -7,8 +7,10 @@ import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
-import { LiveView, type Hindrance } from './live_view';
+import { LiveView, type Hindrance, type Pace } from './live_view';
+import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
+import { WHOLE } from './render/shares';
 import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
 import type { VirtualPhone } from './sources/virtual/phone';
@@ -16,7 +18,10 @@ import { webXrSource } from './sources/webxr';
 import type { TrackingState } from './tracking/pose_correction';
 import { Hud, type HudState } from './ui/hud';
 import { UNRESTRICTED } from './ui/hud_rules';
+import { PictureOnPage } from './ui/picture_fit';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
+import { onTouch } from './ui/touch';
+import { WHY_UNFIXABLE } from './ui/words';
 import type { ServerInfo } from './wire';
 
 /** For tests, benchmarks, and people with the developer tools open. */
@@ -28,6 +33,8 @@ export interface Inspection {
   tracking(): TrackingState & {
     readonly succeeded: number; readonly failed: number; readonly took_ms: number | null;
   };
+  pace(): Pace;
+  allow(allowance: Allowance): void;
   timeline(): ReturnType<LiveView['timeline']['all']>;
   resident(): { readonly bytes: number; readonly views: number };
   readonly phone: VirtualPhone | null;
@@ -94,11 +101,13 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   let problem: string | null = null;
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
+  live.governor = governorOf(query, info.options);
   const shoot = (): void => {
     if (rules.mayShoot) live.shoot(() => { problem = null; hud.confirm(); });
   };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
+  if (guide !== null) live.drawAlways();
   const hud = new Hud(overlay, {
     shoot: () => (guide === null ? shoot() : guide.press()),
     undo: (id) => void session.undo(id),
@@ -116,13 +125,26 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   extension?.attach({ live, session, overlay });
   window.peaking = inspectionOf(live, session, phone, guide);
 
+  const picture = new PictureOnPage(choice.kind === 'webxr' ? null : stage.querySelector('canvas'));
+  let visible = WHOLE;
+  onTouch(window, (clientX, clientY) => {
+    const place = rules.showsRed && !rules.covered ? picture.placeAt(clientX, clientY) : null;
+    const why = place === null ? null : live.whyUnfixable(...place);
+    if (why !== null) hud.answer(WHY_UNFIXABLE[why]);
+  });
+
   const notices = new Notices(info, api);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
-    time_ms: 0, look: live.look, peakedShare: null, unseenShare: null, tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
+    time_ms: 0, look: live.look, peakedShare: null, wrongShare: null, unseenShare: null, towards: null,
+    tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
     sessionName: '',
   };
   const onFrame = (frame: LiveFrame): void => {
+    if (picture.visible !== visible) {
+      visible = picture.visible;
+      live.visible = visible;
+    }
     live.draw(frame);
     if (extension?.showsGuide !== false) guide?.draw(frame);
     const { seen, hindrance, camera, jumped } = live.state;
@@ -130,7 +152,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.time_ms = frame.time_ms;
     shown.look = live.look;
     shown.peakedShare = seen?.peakedShare ?? null;
-    shown.unseenShare = info.options.marks === 'apart' ? seen?.unseenShare ?? null : null;
+    const isApart = info.options.marks === 'apart';
+    shown.wrongShare = isApart ? seen?.wrongShare ?? null : null;
+    shown.unseenShare = isApart ? seen?.unseenShare ?? null : null;
+    shown.towards = isApart ? live.state.towards : null;
     shown.views = views;
     shown.restorable = restorable;
     shown.notice = notices.of(frame.time_ms, hindrance, jumped ?? problem ?? storageProblem ?? trouble);
@@ -143,7 +168,9 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
       session.reportPeaked({
         time_s,
         peaked_share: seen.peakedShare,
-        missing_share: seen.unseenShare ?? 0,
+        wrong_share: seen.wrongShare,
+        unseen_share: seen.unseenShare,
+        unfixable_share: seen.unfixableShare,
         views: views.length,
         world_from_cam: Array.from(camera.worldFromCam.rows),
       });
@@ -264,6 +291,8 @@ function inspectionOf(
       ...live.state.tracking,
       succeeded: live.tracker.succeeded, failed: live.tracker.failed, took_ms: live.tracker.took_ms,
     }),
+    pace: () => live.pace,
+    allow: (allowance) => live.allow(allowance),
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,

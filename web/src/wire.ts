@@ -134,13 +134,15 @@ export interface Session {
   readonly captures: readonly Capture[];
 }
 
-/** What the photographer saw at one moment: at most one a second. `missing_share` is what no view shows; where that is marked apart, it is part of `peaked_share`. */
+/** What the photographer saw at one moment: at most one a second. Shares are of what was visible on the screen. Where marks are told apart, what is peaked is wrong or unseen; what is unfixable is neither. */
 export interface PeakedSample {
   readonly time_s: number;
   readonly peaked_share: number;
-  readonly missing_share: number;
   readonly views: number;
   readonly world_from_cam: readonly number[];
+  readonly wrong_share?: number | null;
+  readonly unseen_share?: number | null;
+  readonly unfixable_share?: number | null;
 }
 
 /** PUT /api/v1/sessions/{session}/peaked/{batch}; and all of them, GET …/peaked. A sample is known by its time: one that is sent again is kept once. */
@@ -326,9 +328,11 @@ export const sessionSchema: Schema<Session> = /* @__PURE__ */ record<Session>({
 export const peakedSampleSchema: Schema<PeakedSample> = /* @__PURE__ */ record<PeakedSample>({
   time_s: number(0, 100000000000),
   peaked_share: number(0, 1),
-  missing_share: number(0, 1),
   views: integer(0, 1000000),
   world_from_cam: list(number(-100000000, 100000000), 12, 12),
+  wrong_share: optional(nullable(number(0, 1))),
+  unseen_share: optional(nullable(number(0, 1))),
+  unfixable_share: optional(nullable(number(0, 1))),
 });
 
 export const peakedSamplesSchema: Schema<PeakedSamples> = /* @__PURE__ */ record<PeakedSamples>({

@@ -74,7 +74,9 @@ def run(plan: LiveOptions, *, told: Callable[[str], None]) -> dict[str, object]:
             from peaking.benchmarks import live_browser
 
             told("the client in headless Chromium")
-            document |= live_browser.run(address)
+            recording = plan.recordings[0]
+            few = [recording.read(i) for i in range(min(10, len(recording)))]
+            document |= live_browser.run(address, few)
     with tempfile.TemporaryDirectory() as folder:
         lateness = Path(folder) / "lateness"
         begin = f"from peaking.benchmarks import slow_disk; slow_disk.begin({str(lateness)!r})"

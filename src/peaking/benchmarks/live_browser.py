@@ -11,10 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from peaking.benchmarks import live_parts
 from peaking.errors import BackendUnavailable, ToolMissing
+from peaking.frame import Frame
 
 CAPTURES = 12
 PATIENCE_MS = 120_000
+BACK_M = 0.3
+"""From here the views leave something empty, so that there is something to fill."""
+_QUERY = "source=virtual&governor=off"
 _DRAWN = "window.peaking.timeline().filter(c => c.times.drawn !== undefined).length"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
@@ -31,8 +36,12 @@ FLAGS = (
 )
 
 
-def run(address: str) -> dict[str, object]:
+def run(address: str, frames: Sequence[Frame]) -> dict[str, object]:
     """Shoot with the virtual phone of a running server.
+
+    Args:
+        address: Of the server.
+        frames: At least ten, with depth, for sessions of 10 and of 300 views.
 
     Raises:
         BackendUnavailable: playwright is not installed.
@@ -51,7 +60,7 @@ def run(address: str) -> dict[str, object]:
         )
         page = browser.new_page(viewport={"width": 800, "height": 720})
         page.set_default_timeout(PATIENCE_MS)
-        page.goto(f"{address}/?source=virtual", wait_until="commit")
+        page.goto(f"{address}/?{_QUERY}", wait_until="commit")
         _until(page, "() => window.peaking?.canShoot() === true")
         begin_heap = _heap(page)
         aligned_ms: list[float] = []
@@ -69,6 +78,8 @@ def run(address: str) -> dict[str, object]:
         resident = page.evaluate("window.peaking.resident()")
         frames_ms = _frame_time_ms(page)
         full_heap = _heap(page)
+        page.evaluate("p => window.peaking.phone.setPose(p)", _pose(0.8, back_m=BACK_M))
+        parts = live_parts.frame_parts(page)
         while page.evaluate("window.peaking.views().length") > 1:
             before = page.evaluate("window.peaking.views().length")
             page.keyboard.press("z")
@@ -76,6 +87,8 @@ def run(address: str) -> dict[str, object]:
         _frames(page, 8)
         after = page.evaluate("window.peaking.resident()")
         undone_heap = _heap(page)
+        page.close()
+        many_over_few = _many_over_few(browser, address, frames)
         browser.close()
     return _summary(timeline) | {
         "frame_ms_median": frames_ms,
@@ -84,6 +97,8 @@ def run(address: str) -> dict[str, object]:
             "succeeded": tracking["succeeded"],
             "failed": tracking["failed"],
         },
+        "frame_parts": parts,
+        "frame_of_300_views": many_over_few,
         "client_bytes_per_view": round(
             resident["bytes"] / max(resident["views"], 1)
             + max(full_heap - begin_heap, 0) / CAPTURES
@@ -114,9 +129,23 @@ def _summary(timeline: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     }
 
 
-def _pose(angle: float) -> list[float]:
-    x_m, y_m = 0.25 * float(np.cos(angle)), 1.35 + 0.15 * float(np.sin(angle))
-    return [1.0, 0.0, 0.0, x_m, 0.0, -1.0, 0.0, y_m, 0.0, 0.0, -1.0, 1.1]
+def _many_over_few(browser: Any, address: str, frames: Sequence[Frame]) -> dict[str, object]:
+    pages: dict[int, Any] = {}
+    for count, session in live_parts.long_sessions(address, frames).items():
+        page = browser.new_page(viewport={"width": 800, "height": 720})
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(f"{address}/?{_QUERY}&session={session}", wait_until="commit")
+        _until(page, f"() => window.peaking?.views().length === {count}")
+        page.evaluate("p => window.peaking.phone.setPose(p)", _pose(0.0, radius_m=0.0))
+        _until(page, "() => window.peaking.seen()?.viewIds.length === 4")
+        _frames(page, 12)  # until what fills is on the card too
+        pages[count] = page
+    return live_parts.many_over_few(pages)
+
+
+def _pose(angle: float, *, radius_m: float = 0.25, back_m: float = 0.0) -> list[float]:
+    x_m, y_m = radius_m * float(np.cos(angle)), 1.35 + 0.6 * radius_m * float(np.sin(angle))
+    return [1.0, 0.0, 0.0, x_m, 0.0, -1.0, 0.0, y_m, 0.0, 0.0, -1.0, 1.1 + back_m]
 
 
 def _frames(page: Any, count: int) -> None:

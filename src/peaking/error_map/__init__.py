@@ -6,17 +6,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from peaking.error_map.exposure import SAME, measure_exposure
+from peaking.error_map.exposure import SAME, Exposure, measure_exposure
 from peaking.options import DEFAULT, Marks
 from peaking.rendering import Backend, Rendering
 
 MIN_ALPHA = 0.5
 """Opacity below which nothing was rendered at a pixel."""
+
+
+BLOWN_OUT, BRIGHT = 250, 0.6
+"""In all channels of a picture, of 255: brighter than the camera can tell; and in all channels of a
+rendering at the picture's exposure, of 1: bright as well."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +31,11 @@ class ErrorMap:
 
     Attributes:
         error: L1 over RGB of straight colours in 0…1, so 0…3.
-        peaked: What a view from here mends. With `marks="paper"` where the error is above the
-            threshold, as in the paper; with `"apart"` what is `wrong` or `unseen`.
+        peaked: What a view from here mends: what is `wrong` or `unseen`. With `marks="paper"` where
+            the error is above the threshold, as in the paper.
         unseen: No view has seen what is here.
-        unfixable: It is wrong, and no view will help.
+        unfixable: It is wrong, and no view will help: it has moved, is a mirror or glass, or is
+            brighter than the camera can tell.
     """
 
     error: Float32[np.ndarray, "h w"]
@@ -39,7 +46,12 @@ class ErrorMap:
     @property
     def wrong(self) -> Bool[np.ndarray, "h w"]:
         """Seen, shown wrongly, and mended by a view from here."""
-        return self.peaked & ~self.unseen & ~self.unfixable
+        return self.peaked & ~self.unseen
+
+    def without(self, unfixable: Bool[np.ndarray, "h w"]) -> ErrorMap:
+        """Return the map where of what was wrong this part is unfixable."""
+        lost = self.wrong & unfixable
+        return replace(self, peaked=self.peaked & ~lost, unfixable=self.unfixable | lost)
 
     @property
     def peaked_share(self) -> float:
@@ -122,10 +134,32 @@ def compare(
         shift_px=shift_px,
         min_alpha=MIN_ALPHA,
     )
-    never = empty if unseen is None else unseen
+    never = empty if unseen is None else unseen | (empty & _grown(unseen))
+    nothing = np.zeros_like(never)
+    if marks == "paper":
+        return ErrorMap(error, over, never, nothing)
     # Where something was seen that no view can show from here, nothing was compared.
-    peaked = over if marks == "paper" else over | never | empty
-    return ErrorMap(error, peaked, never, np.zeros_like(never))
+    errors = ErrorMap(error, over | never | empty, never, nothing)
+    return errors.without(_blown_out(rendering, live, exposure))
+
+
+def _grown(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Return a mask with a rim: what views saw ends a little later than what can be shown of it."""
+    return cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.bool_)
+
+
+def _blown_out(
+    rendering: Rendering, live: UInt8[np.ndarray, "h w 3"], exposure: Exposure
+) -> Bool[np.ndarray, "h w"]:
+    """Return where the picture is as bright as it can be, and the rendering of a bright thing.
+
+    What the rendering shows dark there is wrong, however bright the picture.
+    """
+    out = (live >= BLOWN_OUT).all(axis=2) & (rendering.alpha >= MIN_ALPHA)
+    shown = rendering.rgba[out]
+    bright = shown[:, :3] * exposure.gain >= BRIGHT * shown[:, 3:]
+    out[out] = bright.all(axis=1)
+    return out
 
 
 def _share(mask: Bool[np.ndarray, "h w"]) -> float:

@@ -6,7 +6,8 @@
 Two things are remembered. The *cells* of a grid in the world that a view saw a surface in: each
 once, however many views have seen it. They answer for any camera, alone. And each view's *depth
 map*: where a device measures depth now, it says of exactly that surface whether a view saw it, or
-saw through where it is.
+saw through where it is. What stands where views looked through has moved since, or is a mirror or
+glass (`Memory.moved`).
 """
 
 # Functions that numba compiles have no types.
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TypeVar
 
 import cv2
@@ -26,7 +28,7 @@ from jaxtyping import Bool, Float32, Int32, Int64
 
 from peaking.geometry import Camera, Rigid, World
 from peaking.memory.cells import cells_at, centres_m, sizes_m
-from peaking.memory.depth_maps import DepthMaps
+from peaking.memory.depth_maps import AskedViews, DepthMaps
 from peaking.mpi import Mpi
 from peaking.rendering import Backend, source_disparity
 
@@ -49,6 +51,12 @@ NEARER = 0.03
 
 CLEARLY_NEARER, FAR_NEARER = 0.05, 0.12
 """The same where the cells say that it was seen: of more than a speck, and of a speck."""
+
+MOVED_AREA_PX, MOVED_SHARE = 9, 0.45
+"""A square of so many pixels to a side (at half of the picture's size), and the part of it that has
+to stand where views looked through for the wrong pixels in its middle to have moved. In a smaller
+one the edges of things, whose depth is rarely exact, count as moved; in a larger one small things
+do not."""
 
 STEP = 1.10
 """Neighbouring samples of live depth that differ by more than this factor tell nothing."""
@@ -132,10 +140,7 @@ class Memory:
         """
         width, height = _smaller(camera)
         small = camera.resized(width, height)
-        if self._backend == "numpy":
-            from peaking.memory import _numpy as module
-        else:
-            from peaking.memory import _numba as module
+        module = self._module
         cam_from_grid = small.world_from_cam.inverse() @ self._world_from_grid
         depth_m, cell = module.look(
             self._centres_m,
@@ -147,13 +152,55 @@ class Memory:
         unseen = self._unseen_by_cells(depth_m, cell, small)
         if live_depth_m is not None and (live_depth_m > 0).any():
             live_m = _nearest(_smooth(_at_most(live_depth_m, width, height)), width, height)
-            scene_depth_m = float(np.median(live_depth_m[live_depth_m > 0]))
-            asked = self._maps.asked_by(small, scene_depth_m)
+            asked = self._asked_by(small, live_depth_m)
             behind = module.behind(live_m, small.pinhole, asked)
             clearly = _without_specks(behind > CLEARLY_NEARER) | (behind > FAR_NEARER)
             by_depth = np.where(unseen, behind > NEARER, clearly)
             unseen = np.where(live_m > 0, by_depth, unseen)
         return Sight(depth_m, cell, unseen)
+
+    def moved(
+        self,
+        camera: Camera,
+        wrong: Bool[np.ndarray, "height width"],
+        live_depth_m: Float32[np.ndarray, "dh dw"] | None,
+    ) -> Bool[np.ndarray, "height width"]:
+        """Return which wrong pixels show what was elsewhere when the views were taken.
+
+        There something stands where at least two views looked through: it has moved since, or is
+        a mirror or glass. A view from here will not help.
+
+        Args:
+            camera: Where from.
+            wrong: What a view might mend, of the camera's size.
+            live_depth_m: What the device measures, as in `look`; without it, nothing is told.
+        """
+        if live_depth_m is None or not (live_depth_m > 0).any() or not wrong.any():
+            return np.zeros_like(wrong)
+        width, height = _smaller(camera)
+        small = camera.resized(width, height)
+        live_m = _nearest(_at_most(live_depth_m, width, height), width, height)
+        where = _nearest(wrong, width, height) & (live_m > 0)
+        through = self._module.looked_through(
+            np.where(where, live_m, np.float32(0)),
+            small.pinhole,
+            self._asked_by(small, live_depth_m),
+        )
+        side = (MOVED_AREA_PX, MOVED_AREA_PX)
+        share = cv2.blur(through.astype(np.float32), side, borderType=cv2.BORDER_CONSTANT)
+        return wrong & _nearest(share > MOVED_SHARE, *camera.pinhole.size_px)
+
+    @property
+    def _module(self) -> ModuleType:
+        if self._backend == "numpy":
+            from peaking.memory import _numpy as module
+        else:
+            from peaking.memory import _numba as module
+        return module
+
+    def _asked_by(self, small: Camera, live_depth_m: Float32[np.ndarray, "dh dw"]) -> AskedViews:
+        scene_depth_m = float(np.median(live_depth_m[live_depth_m > 0]))
+        return self._maps.asked_by(small, scene_depth_m)
 
     def _unseen_by_cells(
         self, depth_m: Float32[np.ndarray, "h w"], cell: Int32[np.ndarray, "h w"], small: Camera

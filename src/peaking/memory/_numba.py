@@ -6,7 +6,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from peaking.memory._numpy import MIN_HALF_PX, NEAR_M
+from peaking.memory._numpy import MIN_HALF_PX, MIN_THROUGH, NEAR_M, THROUGH
 
 BANDS = 2
 """Rows are cut into so many bands, each drawn by one thread."""
@@ -122,3 +122,63 @@ def _behind(live_m, inner, depth_m, first, size_px, inners, rotation, translatio
                     if least <= np.float32(0.0):
                         break  # it was seen; by how much does not matter
             hidden[y, x] = least
+
+
+def looked_through(live_m, pinhole, asked):
+    """Ask the views; see `_numpy.looked_through`."""
+    through = np.zeros(live_m.shape, np.bool_)
+    inner = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px], np.float32)
+    _looked_through(
+        live_m,
+        inner,
+        asked.depth_m,
+        asked.first,
+        asked.size_px,
+        asked.inner,
+        asked.rotation,
+        asked.translation_m,
+        through,
+    )
+    return through
+
+
+@nb.njit(cache=True, parallel=True)
+def _looked_through(
+    live_m, inner, depth_m, first, size_px, inners, rotation, translation_m, through
+):
+    height, width = live_m.shape
+    half = np.float32(0.5)
+    nothing = np.float32(np.inf)
+    for y in nb.prange(height):
+        for x in range(width):
+            z = live_m[y, x]
+            if not z > np.float32(0.0):
+                continue
+            px = (np.float32(x) + half - inner[2]) / inner[0] * z
+            py = (np.float32(y) + half - inner[3]) / inner[1] * z
+            count = 0
+            for k in range(len(first)):
+                r, t = rotation[k], translation_m[k]
+                z_m = r[2, 0] * px + r[2, 1] * py + r[2, 2] * z + t[2]
+                if not z_m > np.float32(NEAR_M):
+                    continue
+                x_m = r[0, 0] * px + r[0, 1] * py + r[0, 2] * z + t[0]
+                y_m = r[1, 0] * px + r[1, 1] * py + r[1, 2] * z + t[1]
+                u = inners[k, 0] * x_m / z_m + inners[k, 2]
+                v = inners[k, 1] * y_m / z_m + inners[k, 3]
+                cols, rows = size_px[k, 0], size_px[k, 1]
+                if not (u >= 0 and v >= 0 and u < cols and v < rows):
+                    continue
+                if not depth_m[first[k] + int(v) * cols + int(u)] > np.float32(0.0):
+                    continue
+                nearest = nothing
+                for row in range(max(int(v) - 1, 0), min(int(v) + 2, rows)):
+                    for col in range(max(int(u) - 1, 0), min(int(u) + 2, cols)):
+                        seen_m = depth_m[first[k] + row * cols + col]
+                        if seen_m > np.float32(0.0):
+                            nearest = min(nearest, seen_m)
+                if z_m < np.float32(1.0 - THROUGH) * nearest:
+                    count += 1
+                    if count >= MIN_THROUGH:
+                        through[y, x] = True
+                        break

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Bool, Float32, Float64, Int32, Int64
 
 from peaking.geometry import Pinhole
 from peaking.memory.depth_maps import AskedViews
@@ -13,6 +14,13 @@ NEAR_M = 0.05
 
 MIN_HALF_PX = 0.5
 """A cell covers at least one pixel."""
+
+NOWHERE_M = 1e30
+"""Farther than anything."""
+
+THROUGH, MIN_THROUGH = 0.06, 2
+"""A view looked through a point when all that it saw around there is farther away by this part of
+the point's depth; so many views have to have."""
 
 
 def look(
@@ -54,21 +62,53 @@ def behind(
     least = np.full(live_m.shape, np.inf)
     points_m = pinhole.rays() * live_m[..., None]
     for k in range(len(asked.first)):
-        in_view_m = points_m @ asked.rotation[k].astype(np.float64).T + asked.translation_m[k]
-        width, height = asked.size_px[k]
-        fx, fy, cx, cy = asked.inner[k].astype(np.float64)
-        z_m = in_view_m[..., 2]
-        ahead = z_m > NEAR_M
-        safe_m = np.where(ahead, z_m, 1.0)
-        u = np.floor(fx * in_view_m[..., 0] / safe_m + cx)
-        v = np.floor(fy * in_view_m[..., 1] / safe_m + cy)
-        inside = ahead & (u >= 0) & (v >= 0) & (u < width) & (v < height)
-        at = np.where(inside, v * width + u, 0).astype(np.intp)
-        seen_m = asked.depth_m[asked.first[k] + at]
+        z_m, (u, v), inside = _in_view(points_m, asked, k)
+        seen_m = _map_of(asked, k)[v, u]
         told = inside & (seen_m > 0)
         hidden = np.where(told, z_m / np.where(told, seen_m, 1.0) - 1.0, np.inf)
         least = np.minimum(least, hidden)
     return np.where(live_m > 0, least, 0.0).astype(np.float32)
+
+
+def looked_through(
+    live_m: Float32[np.ndarray, "h w"], pinhole: Pinhole, asked: AskedViews
+) -> Bool[np.ndarray, "h w"]:
+    """Return where at least `MIN_THROUGH` views looked through the surface that is here now.
+
+    False where `live_m` is 0.
+    """
+    count = np.zeros(live_m.shape, np.int32)
+    points_m = pinhole.rays() * live_m[..., None]
+    for k in range(len(asked.first)):
+        z_m, (u, v), inside = _in_view(points_m, asked, k)
+        seen_m = _map_of(asked, k)
+        known_m = np.where(seen_m > 0, seen_m, np.float32(NOWHERE_M))
+        nearest_m = cv2.erode(known_m, np.ones((3, 3), np.uint8))[v, u]
+        told = inside & (seen_m[v, u] > 0)
+        count += told & (z_m < (1.0 - THROUGH) * nearest_m)
+    return (live_m > 0) & (count >= MIN_THROUGH)
+
+
+def _in_view(
+    points_m: Float64[np.ndarray, "h w 3"], asked: AskedViews, k: int
+) -> tuple[Float64[np.ndarray, "h w"], Int64[np.ndarray, "2 h w"], Bool[np.ndarray, "h w"]]:
+    """Return depth, column and row of points in a view, and which are in its picture."""
+    in_view_m = points_m @ asked.rotation[k].astype(np.float64).T + asked.translation_m[k]
+    width, height = asked.size_px[k]
+    fx, fy, cx, cy = asked.inner[k].astype(np.float64)
+    z_m = in_view_m[..., 2]
+    ahead = z_m > NEAR_M
+    safe_m = np.where(ahead, z_m, 1.0)
+    u = np.floor(fx * in_view_m[..., 0] / safe_m + cx)
+    v = np.floor(fy * in_view_m[..., 1] / safe_m + cy)
+    inside = ahead & (u >= 0) & (v >= 0) & (u < width) & (v < height)
+    return z_m, np.where(inside, np.stack([u, v]), 0).astype(np.int64), inside
+
+
+def _map_of(asked: AskedViews, k: int) -> Float32[np.ndarray, "h w"]:
+    width, height = asked.size_px[k]
+    first = asked.first[k]
+    return asked.depth_m[first : first + width * height].reshape(height, width)
 
 
 def _span(centre_px: float, half_px: float, size_px: int) -> tuple[int, int]:

@@ -54,7 +54,7 @@ def write_report(
         _numbers(summary),
         _share_section(records, summary),
         f'<div class="two">{_map_section(records, view)}{_stages(summary)}</div>',
-        _video(path.parent),
+        _video(path.parent, summary.settings),
         _options(summary),
     ]
     frames = _frames_json(records, view)
@@ -122,13 +122,22 @@ def _what_decided(settings: ReplayHeader) -> tuple[str, str, str]:
     return "Targets", reached, f"reached, of the guide “{html.escape(str(guide['kind']))}”"
 
 
-def _video(folder: Path) -> str:
+MARKED = {
+    "paper": "in red the pixels where the two differ",
+    "apart": "what is marked: red is wrong, a hatch on grey was never seen, amber dots are wrong "
+    "and no view will help",
+}
+"""What the third picture of the video and of the stills shows, by `marks`."""
+
+
+def _video(folder: Path, settings: ReplayHeader) -> str:
     if not (folder / "overlay.mp4").exists():
         return ""
+    marked = MARKED[str(settings.options.get("marks", "paper"))]
     return (
         "<section><h2>Overlay video</h2>"
         '<p class="note">The recording, what can be rendered from the views captured until then, '
-        "and in red the pixels where the two differ.</p>"
+        f"and {marked}.</p>"
         '<video controls muted playsinline preload="metadata" src="overlay.mp4" '
         'aria-label="Side by side: live picture, rendering, peaks"></video></section>\n'
     )
@@ -218,10 +227,20 @@ def _figure(still: Still, record: FrameRecord | None, jpegs: tuple[bytes, bytes,
         notes.append("▼ captured")
     if record and record.nearest_distance_m is not None:
         notes.append(f"{100 * record.nearest_distance_m:.1f}\u00a0cm from the nearest view")
+    if record:
+        notes += [
+            f"{percent(part)} {word}"
+            for part, word in (
+                (record.wrong_share, "wrong"),
+                (record.unseen_share, "never seen"),
+                (record.unfixable_share, "no view will help"),
+            )
+            if part is not None
+        ]
     captions = {
         "live": f"Live picture of frame {still.index}",
         "rendering": f"Frame {still.index} rendered from the captured views",
-        "peaks": f"Frame {still.index} with the differing pixels in red, {share}",
+        "peaks": f"Frame {still.index} with its marks, {share} peaked",
     }
     images = "".join(
         f"<div>{jpeg_image(jpeg, alt)}<p>{name}{f' {share}' if name == 'peaks' else ''}</p></div>"

@@ -17,6 +17,16 @@ MAX_SAMPLES = 200_000
 """In a session: two days of one a second."""
 
 
+class _OlderSample(msgspec.Struct, frozen=True):
+    """A line of version 0.1.0."""
+
+    time_s: float
+    peaked_share: wire.Share
+    missing_share: wire.Share
+    views: int
+    world_from_cam: wire.Pose
+
+
 class PeakedSamples:
     """The samples of a session. Reading is for any thread, adding for one at a time."""
 
@@ -55,7 +65,16 @@ def _read(path: Path) -> tuple[list[wire.PeakedSample], int]:
     with contextlib.suppress(FileNotFoundError):
         for line in lines_of(path):
             try:
-                samples.append(decode_json(line, wire.PeakedSample))
+                samples.append(_sample_of(line))
             except ValueError:
                 damaged += 1
     return samples, damaged
+
+
+def _sample_of(line: bytes) -> wire.PeakedSample:
+    if b'"missing_share"' not in line:
+        return decode_json(line, wire.PeakedSample)
+    old = decode_json(line, _OlderSample)
+    return wire.PeakedSample(
+        old.time_s, old.peaked_share, old.views, old.world_from_cam, unseen_share=old.missing_share
+    )

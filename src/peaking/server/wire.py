@@ -251,14 +251,21 @@ class Session(Struct, frozen=True):
 class PeakedSample(Struct, frozen=True):
     """What the photographer saw at one moment: at most one a second.
 
-    `missing_share` is what no view shows; where that is marked apart, it is part of `peaked_share`.
+    Shares are of what was visible on the screen. Where marks are told apart, what is peaked is
+    wrong or unseen; what is unfixable is neither.
     """
 
     time_s: Annotated[float, Meta(ge=0, le=1e11)]
     peaked_share: Share
-    missing_share: Share
+    """What a view from there would mend."""
     views: Annotated[int, Meta(ge=0, le=1_000_000)]
     world_from_cam: Pose
+    wrong_share: Share | None = None
+    """Seen, and shown wrongly; None: it was not told."""
+    unseen_share: Share | None = None
+    """What no view shows."""
+    unfixable_share: Share | None = None
+    """Wrong, and no view will help."""
 
 
 class PeakedSamples(Struct, frozen=True):

@@ -179,9 +179,12 @@ class PeakedTold(PhoneEvent, frozen=True, tag="PeakedTold"):
     """What the page measured: about once a second, in every condition, shown or not."""
 
     peaked_share: float
-    missing_share: float
     views: int
     world_from_cam: list[float] = []
+    wrong_share: float | None = None
+    """None, like the two that follow, in logs of version 0.1.0."""
+    unseen_share: float | None = None
+    unfixable_share: float | None = None
 
 
 class TrackingLost(PhoneEvent, frozen=True, tag="TrackingLost"):

@@ -7,12 +7,17 @@ uniform sampler2D live;
 uniform vec4 exposure; // live / view per channel, and the log of that in the corners on top of it
 uniform float threshold;
 uniform float shift_px;
-uniform bool apart; // what was never shown counts, whatever its colour
+uniform bool apart; // what was never shown counts, whatever its colour; what no view helps does not
+uniform sampler2D memory; // red: never seen, green: no view will help; 0 or 1, of any smaller size
+uniform bool remembers;
 
-// Peaked, unseen, error / 3 (where that is below the threshold, undisplaced and so an upper bound), 1.
+// Peaked, unseen, error / 3 (where that is below the threshold, undisplaced and so an upper bound),
+// and why no view will help: 0 one will, 0.5 the memory says so, 1 it is over-exposed.
 out vec4 result;
 
 const float MIN_ALPHA = 0.5;
+const float BLOWN_OUT = 250.0 / 255.0; // in all channels: brighter than the camera can tell
+const float BRIGHT = 0.6; // in all channels of the view, at the picture's exposure
 
 // By how much the live picture is brighter here; a pixel aside it is the same but for a trifle.
 vec3 brighter(ivec2 at, vec2 size) {
@@ -46,6 +51,13 @@ float least(vec3 around[9], vec3 still) {
   return found;
 }
 
+// The picture is as bright as it can be, and the view of a bright thing: what it shows dark is wrong.
+bool blownOut(ivec2 at) {
+  vec4 c = texelFetch(view, at, 0);
+  return all(greaterThanEqual(texelFetch(live, at, 0).rgb, vec3(BLOWN_OUT - 0.001)))
+    && c.a >= MIN_ALPHA && all(greaterThanEqual(c.rgb * exposure.rgb, vec3(BRIGHT * c.a)));
+}
+
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   ivec2 size = textureSize(view, 0);
@@ -66,6 +78,16 @@ void main() {
     error = max(least(ours, theirs[4]), least(theirs, ours[4]));
   }
   bool empty = texelFetch(view, at, 0).a < MIN_ALPHA;
-  bool peaked = error > threshold || (apart && empty);
-  result = vec4(peaked ? 1.0 : 0.0, empty ? 1.0 : 0.0, error / 3.0, 1.0);
+  bool over = error > threshold || (apart && empty);
+  bool unseen = empty;
+  float hopeless = 0.0;
+  if (remembers) {
+    vec2 told = texelFetch(memory, at * textureSize(memory, 0) / size, 0).rg;
+    unseen = told.r > 0.5;
+    hopeless = told.g > 0.5 ? 0.5 : 0.0;
+  }
+  if (!apart || !over || unseen) hopeless = 0.0;
+  else if (blownOut(at)) hopeless = 1.0;
+  bool peaked = hopeless == 0.0 && (over || (apart && unseen));
+  result = vec4(peaked ? 1.0 : 0.0, unseen ? 1.0 : 0.0, error / 3.0, hopeless);
 }

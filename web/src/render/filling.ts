@@ -23,6 +23,8 @@ export interface Drawing {
 }
 
 export class Filling implements Disposable {
+  /** So many fill at most, whatever the options say. */
+  most = Infinity;
   readonly #gl: WebGL2RenderingContext;
   readonly #opacity: Program;
   readonly #under: Program;
@@ -69,7 +71,7 @@ export class Filling implements Disposable {
     let changed = false;
     for (let k = 0; k < targets.filling.length; k += 1) {
       const place = targets.filling[k];
-      const id = this.#ids[k];
+      const id = k < this.most ? this.#ids[k] : undefined;
       if (place === undefined) continue;
       const mpi = id === undefined || near.ids.includes(id) ? null : store.want(id);
       if (place.mpi === mpi) continue;

@@ -11,6 +11,8 @@ const USUAL_DEPTH_M = 1.5;
 /** Best first; of each list the first `count` count. */
 export class NearViews {
   count = 0;
+  /** So many are chosen at most, whatever the options say. */
+  most = Infinity;
   readonly mpis: GpuMpi[] = [];
   readonly weights = new Float64Array(MAX_NEIGHBOURS);
   /** As long as `count`. */
@@ -40,8 +42,9 @@ export class NearViews {
 
   #best(among: Among): ChosenViews {
     const { neighbours, blend_weights } = this.options;
-    return blend_weights === 'paper' ? this.#chooser.byDistance(neighbours, among)
-      : this.#chooser.byOverlap(this.#sceneDepth_m, neighbours, among);
+    const count = Math.min(neighbours, this.most);
+    return blend_weights === 'paper' ? this.#chooser.byDistance(count, among)
+      : this.#chooser.byOverlap(this.#sceneDepth_m, count, among);
   }
 
   /** Asks for each; false while one is not on the card. */

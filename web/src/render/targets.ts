@@ -4,9 +4,10 @@ import type { GpuMpi } from '../mpi/mpi_store';
 import { MAX_NEIGHBOURS } from '../wire';
 import { GAIN_STRIDE } from './exposure';
 import { blocksOf } from './hole_filling';
+import { Settled } from './settled';
 import { ReadBack, Target } from './target';
 
-/** The result is counted in so many blocks. */
+/** The result is counted in so many blocks, twice: two kinds of marks at a time. */
 export const BLOCKS = { x: 16, y: 16 };
 
 /** A picture of one MPI. */
@@ -31,8 +32,8 @@ export class Targets implements Disposable {
   readonly countsBack: ReadBack;
   readonly grid: Target;
   readonly gridBack: ReadBack;
-  shown: Target;
-  shownBefore: Target;
+  shown: Settled;
+  shownBefore: Settled;
   /** The live picture that `live` is of. */
   pictureId: number | null = null;
   /** What `view` was blended from, and how much of each. */
@@ -59,15 +60,20 @@ export class Targets implements Disposable {
     this.views = Array.from({ length: count }, () => ({ target: ofView(), mpi: null }));
     this.view = ofView();
     this.result = ofView();
-    this.shown = ofView();
-    this.shownBefore = ofView();
+    this.shown = new Settled(gl, width, height);
+    this.shownBefore = new Settled(gl, width, height);
     this.blendedFrom = Array.from({ length: MAX_NEIGHBOURS }, () => null);
     this.weights = new Float32Array(MAX_NEIGHBOURS);
-    this.counts = new Target(gl, BLOCKS.x, BLOCKS.y);
+    this.counts = new Target(gl, BLOCKS.x, 2 * BLOCKS.y);
     this.countsBack = new ReadBack(gl, this.counts);
     this.grid = new Target(
       gl, Math.ceil(width / GAIN_STRIDE), 2 * Math.ceil(height / GAIN_STRIDE));
     this.gridBack = new ReadBack(gl, this.grid);
+  }
+
+  /** Show what others of another size show, so that no mark flashes when the size changes. */
+  goOnFrom({ shown }: Targets): void {
+    this.shown.goOnFrom(shown);
   }
 
   swapShown(): void {

@@ -11,13 +11,13 @@
 import { pinholeScratch, type Camera } from '../geometry';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import type { LiveFrame } from '../sources/frame_source';
-import { MAX_NEIGHBOURS, SETTLING_S, type Options } from '../wire';
+import { MAX_NEIGHBOURS, type Options } from '../wire';
 import blendFragment from './blend.frag.glsl?raw';
 import compareFragment from './compare.frag.glsl?raw';
-import countFragment from './count.frag.glsl?raw';
 import displayFragment from './display.frag.glsl?raw';
 import { GAIN_STRIDE, measureExposure } from './exposure';
-import { Filling } from './filling';
+import { Filling, type Drawing } from './filling';
+import { LEVELS, type Allowance } from './governor';
 import gridFragment from './grid.frag.glsl?raw';
 import mpiFragment from './mpi.frag.glsl?raw';
 import mpiVertex from './mpi.vert.glsl?raw';
@@ -25,11 +25,13 @@ import { drawMpi } from './mpi_quads';
 import { NearViews } from './near_views';
 import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
-import settleFragment from './settle.frag.glsl?raw';
+import { SETTLED_MS, Settling } from './settling';
 import shrinkFragment from './shrink.frag.glsl?raw';
 import { newProjection } from './projection';
+import { NO_SHARES, ShareCounter, type Part, type Shares } from './shares';
 import type { Target } from './target';
-import { BLOCKS, Targets, type RenderedView } from './targets';
+import { Targets, type RenderedView } from './targets';
+import { whyUnfixable, type WhyUnfixable } from './touched';
 
 /** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
 export type Overlay = 'mpi' | 'video' | 'peaks';
@@ -45,24 +47,25 @@ export interface Look {
 }
 
 /** What a frame showed. Valid until the next one: the object is used again. */
-export interface Seen {
-  /** Peaked pixels / all pixels, of a frame or two ago; null before the first view. */
-  readonly peakedShare: number | null;
-  /** Pixels that no view shows / all pixels; where they are marked apart, they are peaked as well. */
-  readonly unseenShare: number | null;
+export interface Seen extends Shares {
   /** The views that this frame was rendered from. */
   readonly viewIds: readonly string[];
 }
 
 /**
- * What is shown follows what is measured: with this time constant a pixel gets red within 0.28 s,
- * and changes at most every 0.22 s, which is less than three flashes a second.
+ * What a memory of the scene says of the picture that is compared, at any smaller size: red where no
+ * view saw what is there, green where no view will help; 0 or 1.
  */
-const SETTLING_MS = 1000 * SETTLING_S;
+export interface Remembered {
+  readonly texture: WebGLTexture;
+  /** Goes up when the texture is new. */
+  readonly number: number;
+}
+
 /** Exposure is measured again after so many frames: it changes slowly. */
 const GAIN_EVERY_FRAMES = 6;
 
-const NOTHING: Seen = { peakedShare: null, unseenShare: null, viewIds: [] };
+const NOTHING: Seen = { ...NO_SHARES, viewIds: [] };
 
 export class ViewRenderer implements Disposable {
   readonly #gl: WebGL2RenderingContext;
@@ -81,13 +84,26 @@ export class ViewRenderer implements Disposable {
   readonly #filling: Filling;
   /** Hears of every frame what was rendered, with a number that goes up when that or the picture is new. */
   onRendered: ((number: number, near: NearViews, camera: Camera, targets: Targets) => void) | null = null;
+  /**
+   * Asked before every comparison: what the memory says of this camera, the picture and the view being in the
+   * targets. Without it, or when it returns null, never seen is what the rendering leaves empty.
+   */
+  remembered: ((camera: Camera, targets: Targets) => Remembered | null) | null = null;
+  /** What the result was compared with; -1: no memory. */
+  #rememberedNumber = -1;
+  /** Nobody else draws into the picture, so one that stands still need not be drawn again. */
+  keepsPicture = true;
+  /** What is on the canvas, and since when nothing of it was new. */
+  readonly #drawn: {
+    pictureId: number | null; look: Look | null; compared: boolean; width: number; height: number; new_ms: number;
+  } = { pictureId: null, look: null, compared: false, width: 0, height: 0, new_ms: 0 };
   #rendered = 0;
+  #allowance = LEVELS[0];
   #targets: Targets | null = null;
   /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
   readonly #renderedFor = new Float64Array(16);
-  #peakedShare: number | null = null;
-  #unseenShare: number | null = null;
-  #lastTime_ms = 0;
+  readonly #shares: ShareCounter;
+  readonly #settling: Settling;
   #frame = 0;
 
   /** @throws RangeError More neighbours are asked for than the shader blends. */
@@ -98,11 +114,14 @@ export class ViewRenderer implements Disposable {
     this.#gl = gl;
     this.#options = options;
     this.#near = new NearViews(options);
-    this.#filling = new Filling(gl, options.filling_views, {
+    const drawing: Drawing = {
       bind: (unit, texture) => this.#bind(unit, texture),
       cover: () => this.#cover(),
       renderMpi: (mpi, camera, target) => this.#renderMpi(mpi, camera, target),
-    });
+    };
+    this.#filling = new Filling(gl, options.filling_views, drawing);
+    this.#shares = new ShareCounter(gl, drawing);
+    this.#settling = new Settling(gl, options.marks === 'apart', drawing);
     this.#seen = { ...NOTHING, viewIds: this.#near.ids };
     const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
     this.#programs = {
@@ -110,9 +129,7 @@ export class ViewRenderer implements Disposable {
       shrink: onScreen(shrinkFragment),
       blend: onScreen(blendFragment),
       compare: onScreen(compareFragment),
-      count: onScreen(countFragment),
       grid: onScreen(gridFragment),
-      settle: onScreen(settleFragment),
       display: onScreen(displayFragment),
     };
     this.#screen = gl.createVertexArray();
@@ -122,6 +139,13 @@ export class ViewRenderer implements Disposable {
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  }
+
+  /** Render no more than this from now on. */
+  allow(allowance: Allowance): void {
+    this.#allowance = allowance;
+    this.#near.most = allowance.blended;
+    this.#filling.most = allowance.filling;
   }
 
   /** Render, compare and draw one frame. Leaves the frame's framebuffer bound. */
@@ -140,10 +164,9 @@ export class ViewRenderer implements Disposable {
     near.choose(store, camera);
     this.#filling.choose(store, near, camera, targets);
     if (near.count === 0) {
-      this.#peakedShare = null;
-      this.#unseenShare = null;
+      this.#shares.forget();
       targets.threshold = NaN; // what is compared again is counted again
-      this.#display(frame, image, targets, look, false);
+      if (!this.#stands(frame, look, false, false)) this.#display(frame, image, targets, look, false);
       return NOTHING;
     }
     // What did not change since the frame before is not computed again.
@@ -152,16 +175,28 @@ export class ViewRenderer implements Disposable {
     targets.pictureId = frame.pictureId;
     const newView = this.#renderAndBlend(near, store, camera, targets);
     const changed = newPicture || newView;
-    if (changed || look.threshold !== targets.threshold) this.#compare(look, targets);
+    const remembered = this.remembered?.(camera, targets) ?? null;
+    const number = remembered?.number ?? -1;
+    const compares = changed || look.threshold !== targets.threshold || number !== this.#rememberedNumber;
+    if (compares) {
+      this.#rememberedNumber = number;
+      this.#compare(look, targets, remembered);
+    }
     if (changed) targets.unmeasured = true;
-    this.#count(targets);
+    this.#shares.count(targets);
     this.#measureExposure(targets);
-    this.#settle(frame.time_ms, targets);
     if (changed) this.#rendered += 1;
     this.onRendered?.(this.#rendered, near, camera, targets);
-    this.#display(frame, image, targets, look, true);
-    this.#seen.peakedShare = this.#peakedShare;
-    this.#seen.unseenShare = this.#unseenShare;
+    if (this.#stands(frame, look, compares, true)) this.#settling.rest(frame.time_ms);
+    else {
+      this.#settling.follow(frame.time_ms, targets);
+      this.#display(frame, image, targets, look, true);
+    }
+    const { now } = this.#shares;
+    this.#seen.peakedShare = now.peakedShare;
+    this.#seen.wrongShare = now.wrongShare;
+    this.#seen.unseenShare = now.unseenShare;
+    this.#seen.unfixableShare = now.unfixableShare;
     return this.#seen;
   }
 
@@ -184,11 +219,26 @@ export class ViewRenderer implements Disposable {
   }
 
   /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
-  targets(): Readonly<Record<'view' | 'result' | 'live', Target>> | null {
+  targets(): Readonly<Pick<Targets, 'view' | 'result' | 'live' | 'filling'>> | null {
     return this.#targets;
   }
 
+  /** What of the picture is visible on the screen; shares are of that. */
+  set visible(part: Part) {
+    this.#shares.visible = part;
+  }
+
+  /**
+   * Why no view will help at a place of the picture, in shares of its size from its top left corner;
+   * null where that is not what is marked there. Waits for the card: for a touch, not for every frame.
+   */
+  whyUnfixable(x: number, y: number): WhyUnfixable | null {
+    return this.#targets === null ? null : whyUnfixable(this.#gl, this.#targets, x, y);
+  }
+
   [Symbol.dispose](): void {
+    this.#shares[Symbol.dispose]();
+    this.#settling[Symbol.dispose]();
     for (const program of Object.values(this.#programs)) program[Symbol.dispose]();
     this.#filling[Symbol.dispose]();
     this.#gl.deleteVertexArray(this.#screen);
@@ -199,15 +249,17 @@ export class ViewRenderer implements Disposable {
 
   #targetsFor(camera: Camera): Targets {
     const { width_px, height_px } = camera.pinhole;
-    const scale = Math.sqrt(this.#options.pixels / (width_px * height_px));
+    const scale = Math.sqrt(this.#options.pixels * this.#allowance.pixels / (width_px * height_px));
     const width = Math.max(1, Math.round(width_px * scale));
     const height = Math.max(1, Math.round(height_px * scale));
-    if (this.#targets?.live.width !== width || this.#targets.live.height !== height) {
-      this.#targets?.[Symbol.dispose]();
-      this.#targets = new Targets(
-        this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
-    }
-    return this.#targets;
+    const before = this.#targets;
+    if (before?.live.width === width && before.live.height === height) return before;
+    const targets = new Targets(
+      this.#gl, width, height, this.#options.neighbours, this.#options.filling_views);
+    if (before !== null) targets.goOnFrom(before);
+    before?.[Symbol.dispose]();
+    this.#targets = targets;
+    return targets;
   }
 
   #shrink(image: WebGLTexture, camera: Camera, targets: Targets): void {
@@ -314,7 +366,7 @@ export class ViewRenderer implements Disposable {
     this.#cover();
   }
 
-  #compare(look: Look, targets: Targets): void {
+  #compare(look: Look, targets: Targets, remembered: Remembered | null): void {
     const gl = this.#gl;
     const { compare } = this.#programs;
     targets.threshold = look.threshold;
@@ -323,8 +375,11 @@ export class ViewRenderer implements Disposable {
     compare.use();
     this.#bind(0, targets.view.texture);
     this.#bind(1, targets.live.texture);
+    this.#bind(2, remembered?.texture ?? targets.view.texture);
     gl.uniform1i(compare.uniform('view'), 0);
     gl.uniform1i(compare.uniform('live'), 1);
+    gl.uniform1i(compare.uniform('memory'), 2);
+    gl.uniform1i(compare.uniform('remembers'), remembered === null ? 0 : 1);
     gl.uniform4fv(compare.uniform('exposure'), this.#exposure);
     gl.uniform1f(compare.uniform('threshold'), look.threshold);
     gl.uniform1f(compare.uniform('shift_px'), this.#options.shift_px);
@@ -334,36 +389,11 @@ export class ViewRenderer implements Disposable {
 
   /** To be called before anything else is asked of the card: copying waits for what it has to do. */
   #takeReadBacks(targets: Targets): void {
-    const counted = targets.countsBack.take();
-    if (counted !== null) {
-      let peaked = 0;
-      let unseen = 0;
-      for (let at = 0; at < counted.length; at += 4) {
-        peaked += 256 * (counted[at] ?? 0) + (counted[at + 2] ?? 0);
-        unseen += 256 * (counted[at + 1] ?? 0) + (counted[at + 3] ?? 0);
-      }
-      const all = targets.result.width * targets.result.height;
-      this.#peakedShare = peaked / all;
-      this.#unseenShare = unseen / all;
-    }
+    this.#shares.take(targets);
     const samples = targets.gridBack.take();
     if (samples === null) return;
     const { width, height } = targets.view;
     if (measureExposure(samples, width, height, this.#exposure)) targets.threshold = NaN; // compared again
-  }
-
-  #count(targets: Targets): void {
-    if (!targets.uncounted || targets.countsBack.pending) return;
-    targets.uncounted = false;
-    const gl = this.#gl;
-    const { count } = this.#programs;
-    targets.counts.begin();
-    count.use();
-    this.#bind(0, targets.result.texture);
-    gl.uniform1i(count.uniform('result'), 0);
-    gl.uniform2i(count.uniform('blocks'), BLOCKS.x, BLOCKS.y);
-    this.#cover();
-    targets.countsBack.request();
   }
 
   /** The exposure that is used lags by the frames that reading back takes. */
@@ -386,21 +416,27 @@ export class ViewRenderer implements Disposable {
     targets.gridBack.request();
   }
 
-  #settle(time_ms: number, targets: Targets): void {
-    const gl = this.#gl;
-    const { settle } = this.#programs;
-    const passed_ms = Math.max(time_ms - this.#lastTime_ms, 0);
-    this.#lastTime_ms = time_ms;
-    targets.swapShown();
-    targets.shown.begin();
-    settle.use();
-    this.#bind(0, targets.shownBefore.texture);
-    this.#bind(1, targets.result.texture);
-    gl.uniform1i(settle.uniform('shown'), 0);
-    gl.uniform1i(settle.uniform('result'), 1);
-    gl.uniform1f(settle.uniform('share'), 1 - Math.exp(-passed_ms / SETTLING_MS));
-    gl.uniform1i(settle.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
-    this.#cover();
+  /**
+   * Whether the canvas shows already what this frame would draw. A phone's own frames begin empty.
+   *
+   * @param isNew Something of it is.
+   * @param compared It is compared with views, so marks settle after it was new.
+   */
+  #stands(frame: LiveFrame, look: Look, isNew: boolean, compared: boolean): boolean {
+    const { time_ms, pictureId, framebuffer, viewport: { width, height } } = frame;
+    const last = this.#drawn;
+    if (isNew || pictureId === null || pictureId !== last.pictureId || framebuffer !== null
+      || !this.keepsPicture || look !== last.look || compared !== last.compared
+      || width !== last.width || height !== last.height) {
+      last.pictureId = pictureId;
+      last.look = look;
+      last.compared = compared;
+      last.width = width;
+      last.height = height;
+      last.new_ms = time_ms;
+      return false;
+    }
+    return time_ms - last.new_ms > (compared ? SETTLED_MS : 0);
   }
 
   #display(
@@ -414,7 +450,7 @@ export class ViewRenderer implements Disposable {
     display.use();
     this.#bind(0, targets.view.texture);
     this.#bind(1, image);
-    this.#bind(2, targets.shown.texture);
+    this.#bind(2, targets.shown.states.texture);
     gl.uniform1i(display.uniform('view'), 0);
     gl.uniform1i(display.uniform('live'), 1);
     gl.uniform1i(display.uniform('shown'), 2);

@@ -55,7 +55,7 @@ function drawList(): void {
   const items = newest().map((summary) => {
     const item = make('button', { type: 'button', onclick: () => { location.hash = summary.id; } },
       make('b', { className: summary.live ? 'live' : '' }, summary.name),
-      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · ${percent(summary.peaked_share)} red · `
+      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · ${percent(summary.peaked_share)} marked · `
         + whenOf(summary)));
     item.setAttribute('aria-current', String(summary.id === shown?.id));
     return item;

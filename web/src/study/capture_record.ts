@@ -16,7 +16,9 @@ export interface Moment {
   canShoot: boolean;
   camera: Camera | null;
   peakedShare: number | null;
+  wrongShare: number | null;
   unseenShare: number | null;
+  unfixableShare: number | null;
   views: number;
 }
 
@@ -72,7 +74,9 @@ export class CaptureRecord {
     this.#sampled_s = moment.now_s;
     this.#tell('PeakedTold', moment.now_s, {
       peaked_share: moment.peakedShare,
-      missing_share: moment.unseenShare ?? 0,
+      wrong_share: moment.wrongShare,
+      unseen_share: moment.unseenShare,
+      unfixable_share: moment.unfixableShare,
       views: moment.views,
       world_from_cam: Array.from(moment.camera.worldFromCam.rows),
     });

@@ -45,7 +45,8 @@ class StudyCapture implements CaptureExtension {
   readonly #sheet = make('section', { className: 'study-sheet', hidden: true });
   readonly #shownNumbers = new Map<string, number>();
   readonly #moment: Moment = {
-    now_s: 0, canShoot: false, camera: null, peakedShare: null, unseenShare: null, views: 0,
+    now_s: 0, canShoot: false, camera: null, peakedShare: null, wrongShare: null, unseenShare: null,
+    unfixableShare: null, views: 0,
   };
   /** How far the timeline was looked through. */
   #noted = -1;
@@ -133,7 +134,9 @@ class StudyCapture implements CaptureExtension {
     moment.canShoot = hindrance === null;
     moment.camera = camera;
     moment.peakedShare = seen?.peakedShare ?? null;
+    moment.wrongShare = seen?.wrongShare ?? null;
     moment.unseenShare = seen?.unseenShare ?? null;
+    moment.unfixableShare = seen?.unfixableShare ?? null;
     moment.views = this.#session?.views.length ?? 0;
     this.#record.see(moment);
     if (!this.#record.running || Math.abs(time_s - this.#alive_s) < ALIVE_EVERY_S) return;

@@ -116,7 +116,9 @@ export interface Told {
   readonly acknowledged_s?: number | null;
   readonly generated_s?: number | null;
   readonly peaked_share?: number | null;
-  readonly missing_share?: number | null;
+  readonly wrong_share?: number | null;
+  readonly unseen_share?: number | null;
+  readonly unfixable_share?: number | null;
   readonly views?: number | null;
   readonly until_s?: number | null;
   readonly name?: string | null;
@@ -263,7 +265,9 @@ export const toldSchema: Schema<Told> = /* @__PURE__ */ record<Told>({
   acknowledged_s: optional(nullable(number(0, 100000000000))),
   generated_s: optional(nullable(number(0, 100000000000))),
   peaked_share: optional(nullable(number(0, 1))),
-  missing_share: optional(nullable(number(0, 1))),
+  wrong_share: optional(nullable(number(0, 1))),
+  unseen_share: optional(nullable(number(0, 1))),
+  unfixable_share: optional(nullable(number(0, 1))),
   views: optional(nullable(integer(0, 1000000))),
   until_s: optional(nullable(number(0, 100000000000))),
   name: optional(nullable(text)),

@@ -1,11 +1,13 @@
 /** What lies over the picture: share of red, coach, views, shutter; and the keys. */
 
 import type { CapturedView } from '../capture/capture_session';
+import type { Vector3 } from '../geometry';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import type { TrackingState } from '../tracking/pose_correction';
 import { Coach, TASKS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
+import { EdgeArrow } from './edge_arrow';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
 import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
@@ -25,8 +27,12 @@ export interface HudState {
   readonly time_ms: number;
   readonly look: Look;
   readonly peakedShare: number | null;
-  /** What no view shows, of it; null where it is not marked apart. */
+  /** What is shown wrongly, of it; null where it is not marked apart. */
+  readonly wrongShare: number | null;
+  /** What no view shows; null where it is not marked apart. */
   readonly unseenShare: number | null;
+  /** Towards the largest wrong area outside the picture, in axes of the camera; null: none. */
+  readonly towards: Vector3 | null;
   /** How far the device's pose is off, as far as is known. */
   readonly tracking: TrackingState;
   readonly views: readonly CapturedView[];
@@ -46,6 +52,8 @@ const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
 const COACH_SEEN = 'peaking.coach-seen';
 /** The number changes at most this often, so that it can be read. */
 const NUMBER_EVERY_MS = 400;
+/** A sentence that was asked for goes away by itself. */
+const TOAST_MS = 5000;
 
 export class Hud {
   readonly #root: HTMLElement;
@@ -60,6 +68,9 @@ export class Hud {
   readonly #tracking = make('div', { className: 'tracking' });
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
+  readonly #toast = make('div', { className: 'notice toast', hidden: true, role: 'status' });
+  #toastEnds: ReturnType<typeof setTimeout> | undefined;
+  readonly #arrow: EdgeArrow;
   readonly #coachTitle = make('b');
   readonly #coachText = make('span');
   readonly #coachTasks = make('ol', {}, ...TASKS.map(() => make('li')));
@@ -95,7 +106,7 @@ export class Hud {
       make('div', { className: 'shares' }, this.#share, this.#shareName, this.#newPart),
       this.#graph, this.#tracking);
     meter.title = 'Wrong: shown otherwise than it is (red). New: never captured (hatched). '
-      + `Curve: both together. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
+      + `Amber dots: no view will help; touch them to see why. Curve: wrong and new together. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
     const tools = make('div', { className: 'tools' },
       button('', '?', 'Show the introduction again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
@@ -113,19 +124,28 @@ export class Hud {
       make('div', { className: 'shoot' },
         make('div', { className: 'side' }, this.#count), this.#shutter,
         make('div', { className: 'side' }, this.#finish)));
-    root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice,
+    this.#arrow = new EdgeArrow(root);
+    root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice, this.#toast,
       this.#coachBox, bottom);
     this.#red = [meter, looks];
     show(tools, rules.offersHelp);
     window.addEventListener('keydown', (event) => this.#key(event));
   }
 
-  #showShares({ peakedShare, unseenShare }: HudState): void {
-    const isApart = peakedShare !== null && unseenShare !== null;
+  #showShares({ peakedShare, wrongShare, unseenShare }: HudState): void {
+    const isApart = wrongShare !== null && unseenShare !== null;
     show(this.#newPart, isApart);
     say(this.#shareName, isApart ? 'wrong' : 'red');
-    say(this.#share, percent(isApart ? Math.max(peakedShare - unseenShare, 0) : peakedShare));
+    say(this.#share, percent(isApart ? wrongShare : peakedShare));
     if (isApart) say(this.#new, percent(unseenShare));
+  }
+
+  /** Say a sentence for a moment: the answer to a touch. */
+  answer(sentence: string): void {
+    clearTimeout(this.#toastEnds);
+    say(this.#toast, sentence);
+    show(this.#toast, true);
+    this.#toastEnds = setTimeout(() => show(this.#toast, false), TOAST_MS);
   }
 
   /** Show a state; may be called for every frame. */
@@ -139,6 +159,7 @@ export class Hud {
       this.#showShares(state);
       say(this.#tracking, trackingText(state.tracking));
     }
+    this.#arrow.point(this.rules.showsRed && state.look.overlay !== 'mpi' ? state.towards : null);
     say(this.#notice, state.notice ?? '');
     show(this.#notice, state.notice !== null);
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;

@@ -100,8 +100,10 @@ export function settingsSheet(look: Look, actions: SheetActions, close: () => vo
         change({ threshold })),
       slider('Opacity of the red', 0.1, 1, 0.05, look.peakOpacity, (peakOpacity) =>
         change({ peakOpacity })),
-      make('label', {}, pattern, ' Stripes instead of red (colour-blind mode)'),
-      make('p', {}, 'A pixel turns red when its error exceeds the threshold. The error is the sum of the '
+      make('label', {}, pattern, ' Patterns for every mark (colour-blind mode)'),
+      make('p', {}, 'Red: wrong, a view from here mends it. Hatched: not captured yet. Amber dots: no view '
+        + 'will help; touch them to see why.'),
+      make('p', {}, 'A pixel is wrong when its error exceeds the threshold. The error is the sum of the '
         + 'differences in red, green and blue (0 to 3) between the digital double and the live '
         + 'picture. The paper uses 0.40.')),
   };

@@ -56,7 +56,7 @@ test('at most one sample a second goes out, three to a request, none offline', a
     return Promise.reject(new Error('lost'));
   }, () => online);
   const sample = (time_s: number): PeakedSample =>
-    ({ time_s, peaked_share: 0, missing_share: 0, views: 0, world_from_cam: [] });
+    ({ time_s, peaked_share: 0, views: 0, world_from_cam: [] });
   for (let i = 0; i < 40; i++) reporter.report(sample(100 + i / 10));
   expect(sent).toEqual([[100, 101, 102]]);
   online = false;

@@ -1,10 +1,13 @@
 /** The parts of the renderer that a test asks for one by one, in a real browser. */
 
 import { cameraOfWire, type Camera } from '../../src/geometry';
+import { Memory } from '../../src/memory/memory';
 import { MpiDecoder } from '../../src/mpi/decoder';
 import { MpiStore } from '../../src/mpi/mpi_store';
 import { Program, ShaderError } from '../../src/render/program';
-import { ViewRenderer, type Look } from '../../src/render/view_renderer';
+import type { Part } from '../../src/render/shares';
+import type { Targets } from '../../src/render/targets';
+import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import { depthMapOf, type DepthFormat, type DepthGeometry } from '../../src/sources/depth';
 import type { DepthMap, LiveFrame, Viewport } from '../../src/sources/frame_source';
 import type { DepthTexture } from '../../src/sources/gpu_depth';
@@ -62,6 +65,7 @@ class Bench implements Disposable {
   readonly #decoder = new MpiDecoder();
   readonly #image: WebGLTexture;
   #camera: Camera;
+  depth: DepthMap | null = null;
 
   constructor(
     options: Options, camera: WireCamera, live: string, readonly viewport: Viewport,
@@ -81,7 +85,7 @@ class Bench implements Disposable {
     this.renderer = new ViewRenderer(gl, options);
   }
 
-  async add(files: Scene['mpis']): Promise<void> {
+  async add(files: Scene['mpis'], prefix = ''): Promise<void> {
     let coming = files.length;
     if (coming === 0) return;
     const here = new Promise<void>((resolve) => this.store.onResident(() => {
@@ -89,7 +93,7 @@ class Bench implements Disposable {
       if (coming === 0) resolve();
     }));
     files.forEach(({ camera, file }, i) =>
-      this.store.add(String(i), cameraOfWire(camera), async () => bytesOf(file).buffer));
+      this.store.add(prefix + String(i), cameraOfWire(camera), async () => bytesOf(file).buffer));
     await here;
   }
 
@@ -102,12 +106,39 @@ class Bench implements Disposable {
       bytesOf(live));
   }
 
-  draw(time_ms: number, look: Partial<Look> = {}, pictureId: number | null = null): void {
-    const frame: LiveFrame = {
+  /** Look from somewhere else, with a picture of the same size. */
+  look(camera: Camera): void {
+    this.#camera = camera;
+  }
+
+  frame(time_ms: number, pictureId: number | null = null): LiveFrame {
+    return {
       time_ms, camera: this.#camera, image: this.#image, framebuffer: null,
-      viewport: this.viewport, pictureId, hasDepth: () => false, depth: () => null,
+      viewport: this.viewport, pictureId, hasDepth: () => this.depth !== null, depth: () => this.depth,
     };
-    this.renderer.draw(frame, this.store, { ...LOOK, ...look });
+  }
+
+  draw(time_ms: number, look: Partial<Look> = {}, pictureId: number | null = null): Seen {
+    return this.renderer.draw(this.frame(time_ms, pictureId), this.store, { ...LOOK, ...look });
+  }
+
+  get targets(): Targets {
+    const targets = this.renderer.targets();
+    if (targets === null) throw new Error('nothing was drawn');
+    return targets as Targets;
+  }
+
+  /** RGBA, bottom row first, of a texture that is so many times as large as the view. */
+  readTexture(texture: WebGLTexture, scale: number): Uint8Array {
+    const { gl } = this;
+    const width = Math.floor(scale * this.targets.view.width);
+    const height = Math.floor(scale * this.targets.view.height);
+    const pixels = new Uint8Array(4 * width * height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return pixels;
   }
 
   /** RGBA, bottom row first. */
@@ -174,6 +205,97 @@ async function flicker(
     const pixels = bench.read('display');
     return pixels[middle] === 255 && pixels[middle + 1] === 0;
   });
+}
+
+interface MarksAsked {
+  readonly look: Partial<Look>;
+  /** Of the memory: its size, and RGBA, bottom row first; null: there is none. */
+  readonly memory: { readonly width: number; readonly height: number; readonly rgba: string } | null;
+  readonly visible: Part;
+  /** Pixels of the screen per pixel of the view. */
+  readonly scale: number;
+  readonly touches: readonly (readonly [x: number, y: number])[];
+}
+
+/** Frames until what is shown has settled, and what is read back asynchronously has come. */
+const SETTLED_FRAMES = 90;
+
+/** What is marked of a scene, once it has settled; and what a memory that comes later changes. */
+async function marks(scene: Scene, asked: MarksAsked): Promise<object> {
+  const { width, height } = viewportOf(scene);
+  const screen = { x: 0, y: 0, width: asked.scale * width, height: asked.scale * height };
+  using bench = new Bench(scene.options, scene.camera, scene.live, screen);
+  await bench.add(scene.mpis);
+  const { gl, renderer } = bench;
+  renderer.visible = asked.visible;
+  bench.draw(0, asked.look, 1);
+  const without = base64Of(bench.read('result'));
+  if (asked.memory !== null) {
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, asked.memory.width, asked.memory.height, 0, gl.RGBA,
+      gl.UNSIGNED_BYTE, bytesOf(asked.memory.rgba));
+    const remembered = { texture, number: 0 };
+    renderer.remembered = () => remembered;
+  }
+  let seen = bench.draw(100, asked.look, 1);
+  for (let i = 2; i < SETTLED_FRAMES; i += 1) {
+    seen = bench.draw(100 * i, asked.look, 1);
+    await new Promise(requestAnimationFrame);
+  }
+  return {
+    ...seen, without, result: base64Of(bench.read('result')), display: base64Of(bench.read('display')),
+    why: asked.touches.map(([x, y]) => renderer.whyUnfixable(x, y)), gl_error: gl.getError(),
+  };
+}
+
+interface Looked {
+  readonly camera: WireCamera;
+  readonly live: string;
+  /** Millimetres, top row first; null: none. */
+  readonly depth: { readonly width: number; readonly height: number; readonly mm: string } | null;
+}
+
+/** What is remembered of places that are looked at one after the other, and where else it is wrong. */
+async function lookAround(
+  scene: Scene, looks: readonly Looked[], copies: number,
+): Promise<readonly object[]> {
+  using bench = new Bench(scene.options, scene.camera, scene.live, viewportOf(scene));
+  const { gl, renderer, store } = bench;
+  using memory = new Memory(gl, store);
+  await bench.add(scene.mpis);
+  for (let copy = 0; copy < copies; copy += 1) {
+    // Views of another place: they want layers, and push the others off the card.
+    memory.observe(bench.frame(0));
+    memory.observe(bench.frame(0));
+    const away = scene.mpis.map(({ camera, file }) => ({
+      file,
+      camera: { ...camera, world_from_cam: camera.world_from_cam.map((x, i) => i === 3 ? x + 90 + copy : x) },
+    }));
+    await bench.add(away, `copy ${copy} `);
+  }
+  const told: object[] = [];
+  for (const { camera, live, depth } of looks) {
+    bench.look(cameraOfWire(camera));
+    bench.setLive(live);
+    const map: DepthMap | null = depth === null ? null : {
+      width_px: depth.width, height_px: depth.height, depth_mm: new Uint16Array(bytesOf(depth.mm).buffer),
+    };
+    bench.depth = map;
+    renderer.remembered = memory.tell;
+    for (let i = 0; i < SETTLED_FRAMES; i += 1) {
+      memory.observe(bench.frame(100 * i));
+      bench.draw(100 * i);
+      await new Promise(requestAnimationFrame);
+    }
+    const said = memory.tell(cameraOfWire(camera), bench.targets);
+    told.push({
+      said: said === null ? null : base64Of(bench.readTexture(said.texture, 0.5)),
+      result: base64Of(bench.read('result')), elsewhere: memory.elsewhere(cameraOfWire(camera)),
+      gl_error: gl.getError(),
+    });
+  }
+  return told;
 }
 
 /** Milliseconds of a frame whose end is waited for: median, and bytes of an MPI on the card. */
@@ -347,6 +469,6 @@ class Headset extends EventTarget {
   async end(): Promise<void> { this.dispatchEvent(new Event('end')); }
 }
 
-const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader };
+const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader, marks, lookAround };
 export type Core = typeof core;
 Object.assign(window, { core });

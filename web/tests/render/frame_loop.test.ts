@@ -9,6 +9,7 @@ import {
 import { Motion } from '../../src/motion';
 import type { DecodedMpi } from '../../src/mpi/decode';
 import { MpiStore } from '../../src/mpi/mpi_store';
+import { LEVELS } from '../../src/render/governor';
 import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
 import { PoseTracker } from '../../src/tracking/pose_tracker';
@@ -151,4 +152,65 @@ test('transforms are written into what is handed in', () => {
   const out = pinholeScratch();
   expect(resized(PINHOLE, 200, 400, out)).toBe(out);
   expect(out).toEqual(resized(PINHOLE, 200, 400));
+});
+
+test('what is taken away is not drawn, and comes back', async () => {
+  using store = storeOfMany();
+  using renderer = new ViewRenderer(gl, OPTIONS);
+  const frame = new Trembling();
+  const draw = (): Seen => renderer.draw(frame.next(), store, LOOK);
+  await untilShown(draw);
+  const size = (): readonly number[] => {
+    const view = renderer.targets()?.view;
+    return [view?.width ?? 0, view?.height ?? 0];
+  };
+  expect(size()).toEqual([200, 400]);
+  for (const { pixels, blended, filling } of [{ pixels: 1 / 4, blended: 2, filling: 1 }, LEVELS[0]]) {
+    renderer.allow({ ...LEVELS[0], pixels, blended, filling });
+    const { viewIds } = draw();
+    expect(viewIds).toHaveLength(Math.min(OPTIONS.neighbours, blended));
+    expect(size()).toEqual([200 * Math.sqrt(pixels), 400 * Math.sqrt(pixels)]);
+    expect(draw().viewIds).toBe(viewIds);
+  }
+});
+
+test('a picture that stands still is drawn until it has settled, then when anything is new', async () => {
+  using store = storeOfMany();
+  const drawn = vi.fn<() => void>();
+  const counting = new Proxy(gl, {
+    get: (of, name: string) => (name === 'drawArrays' ? drawn : Reflect.get(of, name) as unknown),
+  });
+  using renderer = new ViewRenderer(counting, OPTIONS);
+  const { camera, viewport, image } = new Trembling();
+  const still = {
+    time_ms: 0, pictureId: 1 as number | null, camera, viewport, image,
+    framebuffer: null as WebGLFramebuffer | null,
+    hasDepth: () => true, depth: () => null,
+  };
+  const draws = (seconds: number, look = LOOK): number => {
+    drawn.mockClear();
+    const end_ms = still.time_ms + 1000 * seconds;
+    while (still.time_ms < end_ms) {
+      still.time_ms += 33;
+      renderer.draw(still, store, look);
+    }
+    return drawn.mock.calls.length;
+  };
+  const frame = new Trembling();
+  await untilShown(() => renderer.draw(frame.next(), store, LOOK));
+  still.time_ms = frame.time_ms;
+  expect(draws(4)).toBeGreaterThan(30); // settles
+  expect(draws(1)).toBe(0);
+  expect(draws(1, { ...LOOK, overlay: 'video' })).toBeGreaterThan(0);
+  draws(4);
+  still.pictureId = 2;
+  expect(draws(1)).toBeGreaterThan(0);
+  draws(4);
+  expect(draws(1)).toBe(0);
+  still.framebuffer = MADE; // of a phone: it begins empty
+  expect(draws(1)).toBeGreaterThanOrEqual(30);
+  still.framebuffer = null;
+  renderer.keepsPicture = false;
+  draws(4);
+  expect(draws(1)).toBeGreaterThanOrEqual(30);
 });

@@ -17,7 +17,7 @@ function capture(number: number, x_m: number, z_m: number, removed = false): Cap
 
 function sample(time_s: number, share: number): PeakedSample {
   return {
-    time_s, peaked_share: share, missing_share: 0, views: 1,
+    time_s, peaked_share: share, views: 1,
     world_from_cam: [1, 0, 0, 0, 0, -1, 0, 1.4, 0, 0, -1, 0],
   };
 }

@@ -23,7 +23,8 @@ function recordOf(before: readonly string[] = [], gone_s: number | null = null) 
 
 function moment(now_s: number, more: Partial<Moment> = {}): Moment {
   return {
-    now_s, canShoot: true, camera: CAMERA, peakedShare: 0.5, unseenShare: 0.1, views: 0, ...more,
+    now_s, canShoot: true, camera: CAMERA, peakedShare: 0.5, wrongShare: 0.4, unseenShare: 0.1,
+    unfixableShare: 0.05, views: 0, ...more,
   };
 }
 
@@ -48,6 +49,9 @@ test('the peaked share is told about once a second', () => {
   for (let i = 0; i <= 30; i += 1) record.see(moment(i / 10));
   const samples = told.filter((event) => event.kind === 'PeakedTold');
   expect(samples.map((event) => event.time_s)).toEqual([0, 1, 2, 3]);
+  expect(samples[0]).toMatchObject({
+    peaked_share: 0.5, wrong_share: 0.4, unseen_share: 0.1, unfixable_share: 0.05,
+  });
 });
 
 test('tracking that is lost for long enough is told with when it began', () => {

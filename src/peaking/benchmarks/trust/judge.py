@@ -122,9 +122,7 @@ class Judge:
         rendering = field.render(camera)
         if change is not None:
             rendering = change(rendering)
-        sight = None if field.memory is None else field.memory.look(camera, depth_m)
-        unseen = None if sight is None else sight.unseen_at(*camera.pinhole.size_px)
-        return compare_with(self.options, rendering, live, unseen=unseen)
+        return field.errors_of(rendering, live, camera, depth_m=depth_m)
 
     def corrected(self, live: UInt8[np.ndarray, "h w 3"], told: Camera) -> Camera | None:
         """Return where the picture was taken by the method's own judgement; None if it has none."""

@@ -137,7 +137,9 @@ class Told(Struct, frozen=True):
     acknowledged_s: Seconds | None = None
     generated_s: Seconds | None = None
     peaked_share: Share | None = None
-    missing_share: Share | None = None
+    wrong_share: Share | None = None
+    unseen_share: Share | None = None
+    unfixable_share: Share | None = None
     views: Annotated[int, Meta(ge=0, le=1_000_000)] | None = None
     until_s: Seconds | None = None
     name: Annotated[str, Meta(max_length=40)] | None = None

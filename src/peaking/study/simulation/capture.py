@@ -74,8 +74,10 @@ def capture_events(
                 step=step,
                 time_s=at(time_s),
                 peaked_share=round(share, 6),
-                missing_share=round(share / 3, 6),
                 views=min(count, int(time_s / tct_s * count) + 1),
+                wrong_share=round(2 * share / 3, 6),
+                unseen_share=round(share / 3, 6),
+                unfixable_share=0.0,
             )
         )
     for index in range(rng.poisson(LOSSES_PER_MINUTE * tct_s / 60)):

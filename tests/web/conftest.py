@@ -1,0 +1,41 @@
+"""The page that a test asks for parts of the renderer, one by one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from live_server import chromium
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def page() -> Generator[Page, None, None]:
+    command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
+    vite = subprocess.Popen(
+        command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert vite.stdout is not None
+    try:
+        said, address = "", None
+        while address is None:
+            line = vite.stdout.readline()
+            assert line, f"vite did not start: {said}"
+            said += line
+            address = re.search(r"http://127\.0\.0\.1:\d+", re.sub(r"\x1b\[[0-9;]*m", "", line))
+        with chromium() as browser:
+            page = browser.new_page()
+            page.set_default_timeout(90_000)
+            page.goto(f"{address.group()}/tests/pages/core.html", wait_until="commit")
+            page.wait_for_function("window.core !== undefined")
+            yield page
+    finally:
+        vite.terminate()
+        vite.wait(10)
+        vite.stdout.close()
