@@ -22,6 +22,7 @@ from peaking.generators.layered import Layered
 from peaking.geometry import Camera, Pinhole, Rigid, World, source_from_target
 from peaking.mpi import CELL_PX, TILE_PX, Mpi, tile_grid
 from peaking.options import DEFAULT
+from peaking.output import encode_png
 from peaking.pipeline import Reconstruction
 from peaking.rendering import Rendering, render
 from peaking.rendering.blending import blend
@@ -294,6 +295,23 @@ def test_error_and_peaked_share() -> None:
     )
     assert errors.error[0, 0] == pytest.approx(3.0)
     assert errors.peaked_share == 0.25
+
+
+@holds("Mask")
+def test_what_is_0_in_a_mask_does_not_count(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "r", num_frames=1)
+    mask = np.ones((48, 64), np.uint8)
+    mask[:, :16] = 0
+    (folder / "mask.png").write_bytes(encode_png(mask))
+    top = json.loads((folder / "transforms.json").read_text())
+    (folder / "transforms.json").write_text(json.dumps(top | {"mask_path": "mask.png"}))
+    frame = open_recording(folder).read(0)
+    np.testing.assert_array_equal(np.asarray(frame.mask), mask > 0)
+    rgba = np.zeros((48, 64, 4), np.float32)
+    errors = compare(Rendering(rgba, np.zeros((48, 64), np.float32)), frame.rgb)
+    assert errors.peaked_share == 1.0
+    assert errors.within(frame.mask).peaked.sum() == mask.sum()
+    assert errors.within(frame.mask).peaked_share == 1.0
 
 
 CLOCKS = {
