@@ -93,25 +93,25 @@ class LiveServer:
                 self._drainer = threading.Thread(target=self._drain, daemon=True)
                 self._drainer.start()
                 return self
-        self.process.wait(10)
+        self.process.wait(120)
         pytest.fail(f"the server did not start: {''.join(self.said)}")
 
     def kill(self) -> None:
         """End it as a power cut would."""
         self.process.send_signal(signal.SIGKILL)
-        self.process.wait(10)
-        self._drainer.join(5)
+        self.process.wait(120)
+        self._drainer.join(120)
 
     def stop(self) -> None:
         """End it as Ctrl-C does."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
             try:
-                self.process.wait(20)
+                self.process.wait(120)
             except subprocess.TimeoutExpired:
                 self.process.kill()
-                self.process.wait(10)
-        self._drainer.join(5)
+                self.process.wait(120)
+        self._drainer.join(120)
 
     def _drain(self) -> None:
         assert self.process.stdout is not None

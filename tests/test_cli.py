@@ -79,6 +79,17 @@ def test_commands_of_two_words_say_so_in_their_help(capsys: pytest.CaptureFixtur
         assert f"usage: peaking {name} " in capsys.readouterr().out
 
 
+STUDY = ("init", "serve", "analyse", "simulate", "export", "erase")
+
+
+@pytest.mark.parametrize("name", [*COMMANDS, *(f"study {command}" for command in STUDY)])
+def test_help_says_nothing_of_none(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*name.split(), "--help"])
+    assert ended.value.code == 0
+    assert "None" not in capsys.readouterr().out
+
+
 def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
     main(["--version"])
     assert capsys.readouterr().out == f"peaking {peaking.__version__}\n"
@@ -256,8 +267,27 @@ def test_a_recording_without_depth_says_so(
     flat = write_recording(tmp_path / "flat", num_frames=2, with_depth=False)
     out = tmp_path / "out"
     line = fails(["replay", str(flat), "--out", str(out), "--no-video"], capsys)
-    assert "depth" in line
+    assert "transforms.json: no frame has depth;" in line
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        (["--max-frames", "0"], "need --max-frames >= 1, got 0"),
+        (["--threshold", "2"], "need 0 <= --threshold < 1, got 2.0"),
+        (["--views", "0"], "need --views >= 1, got 0"),
+        (["--fps", "0"], "need --fps > 0, got 0.0"),
+        (["--guide", "planes", "--near-m", "-1"], "need --near-m > 0, got -1.0"),
+        (["--error-threshold", "9"], "need 0 < --error-threshold < 3, got 9.0"),
+        (["--pixels", "1"], "need --pixels >= "),
+    ],
+)
+def test_a_complaint_names_the_option(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: list[str], says: str
+) -> None:
+    line = fails(["replay", str(room), "--out", str(tmp_path / "o"), "--no-video", *asked], capsys)
+    assert says in line
 
 
 def test_all_unknown_depth_says_so(
@@ -265,12 +295,13 @@ def test_all_unknown_depth_says_so(
 ) -> None:
     broken = tmp_path / "broken"
     shutil.copytree(room, broken)
-    depth = sorted(p for p in broken.rglob("*.png") if "depth" in str(p.parent))[0]
-    cv2.imwrite(str(depth), np.zeros_like(read_png(depth)))
+    for depth in (p for p in broken.rglob("*.png") if "depth" in str(p.parent)):
+        cv2.imwrite(str(depth), np.zeros_like(read_png(depth)))
     line = fails(
         ["replay", str(broken), "--out", str(tmp_path / "out"), "--no-video", *FLAGS], capsys
     )
-    assert depth.name in line
+    assert "no frame that the policy wanted has metric depth" in line
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -278,7 +309,7 @@ def test_all_unknown_depth_says_so(
     [
         (["replay", "{room}/nowhere", "--out", "{out}"], "transforms.json"),
         (["replay", "{room}", "--out", "{out}", "--threshold", "1.5"], "threshold"),
-        (["replay", "{room}", "--out", "{out}", "--max-frames", "0"], "max_frames"),
+        (["replay", "{room}", "--out", "{out}", "--max-frames", "0"], "--max-frames"),
         (["replay", "{room}", "--out", "{out}", "--neighbours", "0"], "neighbours"),
         (["generate", "{room}", "--out", "{out}", "--frame", "99"], "frame"),
         (["render", "{room}/transforms.json", "--out", "{out}"], "transforms.json"),

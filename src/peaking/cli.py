@@ -30,6 +30,7 @@ from peaking.commands import (
     splat,
     study,
 )
+from peaking.commands.arguments import with_plain_help
 from peaking.errors import PeakingError
 from peaking.terminal import say, show_fault
 
@@ -93,7 +94,7 @@ def _subcommands(*, whole: bool) -> Any:
         text = inspect.getdoc(command) or ""
         description = text if whole else text.partition("\n")[0]
         subcommand = tyro.conf.subcommand(name, description=description)
-        described.append(Annotated[command, subcommand])
+        described.append(Annotated[with_plain_help(command), subcommand])
     return functools.reduce(lambda a, b: a | b, described)
 
 

@@ -99,12 +99,13 @@ def test_a_phone_shows_counts_and_explains(browser: Browser, server: LiveServer)
     phone.let_pass(10)
     touch = page.touchscreen.tap
     middle = (160 / PICTURE[0], 1 - 760 / PICTURE[1])
-    assert 0.03 < share_of(phone, "unfixableShare") < 0.06
-    assert share_of(phone, "unseenShare") > 0.1
-    assert share_of(phone, "wrongShare") > 0.03  # where the bright thing was before
-    shares = share_of(phone, "wrongShare") + share_of(phone, "unseenShare")
-    assert share_of(phone, "peakedShare") == pytest.approx(shares, abs=1e-9)
-    assert is_amber(seen_around(page, *middle)).mean() > 0.08
+    seen = page.evaluate("window.peaking.seen()")
+    assert 0.03 < seen["unfixableShare"] < 0.06
+    assert seen["unseenShare"] > 0.1
+    assert seen["wrongShare"] > 0.03  # where the bright thing was before
+    apart = seen["wrongShare"] + seen["unseenShare"]
+    assert seen["peakedShare"] == pytest.approx(apart, abs=1e-9)
+    assert is_amber(seen_around(page, *middle)).mean() > 0.05
     phone.keep_picture("marks-phone")
 
     views = len(phone.views())
@@ -168,7 +169,7 @@ def test_a_recording_shows_all_three(browser: Browser, tmp_path: Path) -> None:
         phone.let_pass(12)
         bright, wrong = (70 / 150, 85 / 320), (75 / 150, 160 / 320)
         amber = seen_around(page, *bright)
-        assert is_amber(amber).mean() > 0.08
+        assert is_amber(amber).mean() > 0.05
         assert not is_red(amber).any()
         assert is_red(seen_around(page, *wrong)).mean() > 0.8
         phone.keep_picture("marks-recording")

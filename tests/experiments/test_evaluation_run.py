@@ -297,7 +297,7 @@ def test_a_folder_with_something_else_is_left_alone(
         ({"strategies": ()}, "need strategies among"),
         ({"seeds": 0}, "seeds >= 1"),
         ({"views": (0,)}, "need numbers of views >= 1"),
-        ({"uniform_metres_per_rad": -1.0}, r"need uniform rotation >= 0 m per radian, got -1\.0"),
+        ({"uniform_metres_per_rad": -1.0}, r"need uniform_metres_per_rad >= 0, got -1\.0"),
         ({"threshold_share": 1.5}, "need 0 <= threshold_share < 1"),
     ],
 )

@@ -90,7 +90,7 @@ def test_what_cannot_be_guided_is_refused(room: Path, tmp_path: Path) -> None:
     even = replace(GRID, area_side_m=0.4)
     with pytest.raises(RecordingError, match="larger --near-m"):
         guided_walk(walked(room), even, num_frames=11, options=OPTIONS)
-    with pytest.raises(ValueError, match="need area > 0"):
+    with pytest.raises(ValueError, match="need area_m > 0"):
         replace(GRID, area_side_m=0.0)
-    with pytest.raises(ValueError, match="need near > 0"):
+    with pytest.raises(ValueError, match="need near_m > 0"):
         replace(GRID, near_m=-1.0)

@@ -333,7 +333,7 @@ def test_news_begin_with_the_whole_state_and_go_on(tmp_path: Path) -> None:
         assert hub.is_live("abcdefgh")
         thread = threading.Thread(target=lambda: hub.send("abcdefgh", wire.SessionChanged(summary)))
         thread.start()
-        heard.append(await asyncio.wait_for(anext(stream), 5))
+        heard.append(await asyncio.wait_for(anext(stream), 120))
         hub.send("another-one", wire.SessionChanged(summary))
         hub.close()
         heard += [message async for message in stream]

@@ -39,7 +39,7 @@ def port(tmp_path: Path) -> Generator[int, None, None]:
 
 
 def asked(port: int, method: str, path: str, body: bytes | Iterator[bytes]) -> tuple[int, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
     with contextlib.closing(connection):
         connection.request(
             method, path, body, headers={"Authorization": f"Bearer {SHOWN['credential']}"}
@@ -128,7 +128,7 @@ def test_one_session_that_floods_has_few_places(
     goes_on = threading.Event()
 
     def wait(_: GenerationQueue) -> None:
-        goes_on.wait(20)
+        goes_on.wait(120)
 
     monkeypatch.setattr(GenerationQueue, "_work", wait)
     other = SESSION.replace(SESSION_ID, "5e551011-0000-4000-8000-000000000002")

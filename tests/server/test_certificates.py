@@ -294,7 +294,7 @@ def handshake(context: ssl.SSLContext, trusts: ssl.SSLContext, name: str) -> byt
         ):
             shown = own.getpeercert(binary_form=True)
             own.send(b".")
-        server.join(10)
+        server.join(120)
     assert shown
     return shown
 

@@ -187,7 +187,7 @@ def test_what_is_asked_at_every_request_touches_no_file(
     blocked = threading.Event()
 
     def stuck(*_: object) -> None:
-        blocked.wait(20)
+        blocked.wait(120)
 
     monkeypatch.setattr(os, "fsync", stuck)
     writing = threading.Thread(target=paired, args=[devices, OTHER])
@@ -406,11 +406,11 @@ def test_the_streams_of_a_revoked_device_end(tmp_path: Path, devices: Devices) -
                 begun.set()
 
         answer = asyncio.ensure_future(app(scope, receive, send))  # type: ignore[arg-type]
-        await asyncio.wait_for(begun.wait(), 10)
+        await asyncio.wait_for(begun.wait(), 120)
         known = devices.known(credential)
         assert known
         await asyncio.to_thread(devices.revoke, known.device.id)
-        await asyncio.wait_for(answer, 10)
+        await asyncio.wait_for(answer, 120)
         return sent
 
     sent = asyncio.run(listen())

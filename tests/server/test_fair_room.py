@@ -167,5 +167,5 @@ def test_it_waits_and_is_closed() -> None:
     while not heard and thread.is_alive() and not waiting.empty:
         pass
     waiting.close()
-    thread.join(20)
+    thread.join(120)
     assert heard == ["a", None] or heard == [None, None]

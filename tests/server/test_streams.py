@@ -146,13 +146,13 @@ def test_ctrl_c_with_streams_that_nobody_reads_is_quiet(tmp_path: Path) -> None:
     request = b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
     listening: list[socket.socket] = []
     for _ in range(100):
-        connection = socket.create_connection(("127.0.0.1", server.port), timeout=20)
+        connection = socket.create_connection(("127.0.0.1", server.port), timeout=120)
         connection.sendall(request)
         assert connection.recv(8, socket.MSG_WAITALL) == b"HTTP/1.1"
         listening.append(connection)
     before = len(server.said)
     server.process.send_signal(signal.SIGINT)
-    assert server.process.wait(20) is not None
+    assert server.process.wait(120) is not None
     server.stop()
     for connection in listening:
         connection.close()

@@ -72,7 +72,7 @@ def page() -> Generator[Page, None, None]:
             yield page
     finally:
         vite.terminate()
-        vite.wait(10)
+        vite.wait(120)
         vite.stdout.close()
 
 

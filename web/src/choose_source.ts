@@ -10,6 +10,14 @@ export interface SourceChoice {
   readonly asked: boolean;
 }
 
+/**
+ * Whether the photographer has to be told that this device's own camera is not what they see: it is
+ * a phone, or a tablet, and nobody asked for anything else.
+ */
+export function isStandIn(choice: SourceChoice, onPhone: boolean): boolean {
+  return onPhone && !choice.asked && choice.kind !== 'webxr';
+}
+
 /** Raised for an address that asks for what is not there; a sentence. */
 export class NoSuchSource extends Error {
   override readonly name = 'NoSuchSource';

@@ -2,7 +2,9 @@
 
 import { CaptureDb } from './capture/capture_db';
 import { CaptureSession } from './capture/capture_session';
-import { chooseSource, type SourceChoice } from './choose_source';
+import { whyNoCapture } from './check/findings';
+import { probe } from './check/probe';
+import { chooseSource, isStandIn, type SourceChoice } from './choose_source';
 import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
@@ -53,6 +55,13 @@ const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
   'too-fast': 'Move more slowly to avoid blur.',
   busy: null,
 };
+/** What is offered where this device's own camera cannot be used. */
+const STAND_INS: Readonly<Record<SourceChoice['kind'], string>> = {
+  webxr: '', replay: 'Play the recording', virtual: 'Try the virtual phone',
+};
+const FINISHED = 'This session is finished: its views are saved, and it takes no more. '
+  + 'Finish, then "Start a new session", begins another.';
+const BY_TOUCH = 'Drag to look around. Two fingers carry the phone; spread them to step closer.';
 const WARMING_UP = 'The server is warming up (about 30 s, first run only).';
 /** A notice comes only when what hinders has lasted, so that nothing flickers. */
 const NOTICE_AFTER_MS = 700;
@@ -87,6 +96,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
     key.hidden = key.dataset['only'] !== choice.kind;
   }
+  if (isStandIn(choice, matchMedia('(pointer: coarse) and (hover: none)').matches)) {
+    const why = whyNoCapture(await probe(api));
+    if (why !== null) await start.standIn(why, STAND_INS[choice.kind]);
+  }
   const { source, phone, replay } = await sourceOf(choice, api, stage, overlay, query);
   const session = await CaptureSession.open({
     api,
@@ -102,8 +115,9 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const live = new LiveView(gl, info.options, session, (sentence) => { problem = sentence; });
   live.look = { ...live.look, threshold: info.options.error_threshold };
   live.governor = governorOf(query, info.options);
+  const isOver = (): boolean => extension === null && session.snapshot.finished !== 'no';
   const shoot = (): void => {
-    if (rules.mayShoot) live.shoot(() => { problem = null; hud.confirm(); });
+    if (rules.mayShoot && !isOver()) live.shoot(() => { problem = null; hud.confirm(); });
   };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
@@ -133,6 +147,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     if (why !== null) hud.answer(WHY_UNFIXABLE[why]);
   });
 
+  if (choice.kind === 'virtual' && matchMedia('(pointer: coarse)').matches) hud.answer(BY_TOUCH);
   const notices = new Notices(info, api);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
@@ -158,8 +173,9 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.towards = isApart ? live.state.towards : null;
     shown.views = views;
     shown.restorable = restorable;
-    shown.notice = notices.of(frame.time_ms, hindrance, jumped ?? problem ?? storageProblem ?? trouble);
-    shown.canShoot = hindrance === null && (guide?.canPress ?? true) && rules.mayPress;
+    const said = isOver() ? FINISHED : null;
+    shown.notice = notices.of(frame.time_ms, hindrance, said ?? jumped ?? problem ?? storageProblem ?? trouble);
+    shown.canShoot = hindrance === null && !isOver() && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;
     hud.show(shown);
     extension?.onFrame(guide?.state ?? null);

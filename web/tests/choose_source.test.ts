@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { chooseSource, NoSuchSource } from '../src/choose_source';
+import { chooseSource, isStandIn, NoSuchSource } from '../src/choose_source';
 
 const asks = (query: string): URLSearchParams => new URLSearchParams(query);
 
@@ -14,6 +14,15 @@ test('otherwise what the device can do', () => {
   expect(chooseSource(asks(''), ['desk'], false)).toEqual(
     { kind: 'replay', recording: 'desk', asked: false });
   expect(chooseSource(asks(''), [], false).kind).toBe('virtual');
+});
+
+test('a phone without augmented reality is told what it gets in place of its camera', () => {
+  for (const recordings of [['desk'], []]) {
+    expect(isStandIn(chooseSource(asks(''), recordings, false), true)).toBe(true);
+    expect(isStandIn(chooseSource(asks(''), recordings, false), false)).toBe(false); // a computer
+    expect(isStandIn(chooseSource(asks(''), recordings, true), true)).toBe(false);
+  }
+  expect(isStandIn(chooseSource(asks('source=virtual'), [], false), true)).toBe(false); // asked for
 });
 
 test('what is not there is said', () => {

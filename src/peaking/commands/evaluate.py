@@ -89,7 +89,9 @@ class Evaluate:
         ) -> Iterable[tuple[EvaluationStep, Found]]:
             return tqdm(steps, total=total, desc=what, unit="step", disable=total == 0)
 
-        with checked_arguments():
+        with checked_arguments(
+            threshold_share="--threshold", uniform_metres_per_rad="--uniform-m-per-rad"
+        ):
             plan = self._plan()
         evaluation = evaluate(plan, self.out, self._executor(), progress=shown)
         if self.json is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import tyro
 
+from peaking.commands.arguments import metavar
 from peaking.options import PRESETS, Options, PresetName, descriptions
 
 
@@ -39,7 +40,9 @@ def _flags() -> list[tuple[str, Any, Any]]:
             Annotated[
                 types[option.name] | None,
                 tyro.conf.arg(
-                    help=descriptions()[option.name], help_behavior_hint=_hint(option.name)
+                    help=descriptions()[option.name],
+                    help_behavior_hint=_hint(option.name),
+                    metavar=metavar(types[option.name] | None),
                 ),
             ],
             field(default=None),

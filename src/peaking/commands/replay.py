@@ -90,7 +90,7 @@ class Replay:
         if not self.no_video:
             find_h264_encoder()
         recording = open_recording(self.scene)
-        with checked_arguments():
+        with checked_arguments(num_views="--views", threshold_share="--threshold"):
             guide = None
             if self.guide is not None:
                 guide = GuideOptions(

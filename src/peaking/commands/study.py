@@ -15,10 +15,11 @@ from peaking.commands import (
     study_serve,
     study_simulate,
 )
+from peaking.commands.arguments import with_plain_help
 
 
-def _subcommand(name: str, command: type) -> Any:
-    return tyro.conf.subcommand(name, description=inspect.getdoc(command))
+def _subcommand(name: str, command: type[Any]) -> Any:
+    return tyro.conf.subcommand(name, description=inspect.getdoc(with_plain_help(command)))
 
 
 StudyCommands = (

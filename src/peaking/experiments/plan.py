@@ -51,16 +51,17 @@ class EvaluationOptions:
         unknown = [name for name in self.strategies if name not in POLICIES]
         if unknown or not self.strategies:
             raise ValueError(f"need strategies among {', '.join(POLICIES)}, got {unknown}")
-        if not self.scenes or not self.reconstruct or not self.test_views or self.seeds < 1:
-            raise ValueError("need a scene, a reconstruction, test views and seeds >= 1")
+        for name in ("scenes", "reconstruct", "test_views"):
+            if not getattr(self, name):
+                raise ValueError(f"need at least one of {name}")
+        if self.seeds < 1:
+            raise ValueError(f"need seeds >= 1, got {self.seeds}")
         if len({scene.resolve().name for scene in self.scenes}) < len(self.scenes):
             raise ValueError("need scenes whose folders have different names")
         if not 0 <= self.threshold_share < 1:
             raise ValueError(f"need 0 <= threshold_share < 1, got {self.threshold_share}")
         if not 0 <= self.uniform_metres_per_rad < math.inf:
-            raise ValueError(
-                f"need uniform rotation >= 0 m per radian, got {self.uniform_metres_per_rad}"
-            )
+            raise ValueError(f"need uniform_metres_per_rad >= 0, got {self.uniform_metres_per_rad}")
         if isinstance(self.views, tuple) and (not self.views or min(self.views) < 1):
             raise ValueError(f"need numbers of views >= 1, got {self.views}")
         if self.cameras == "colmap" and "3dgs" not in self.reconstruct:

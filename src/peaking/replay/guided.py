@@ -43,11 +43,11 @@ class GuideOptions:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.area_side_m) and self.area_side_m > 0):
-            raise ValueError(f"need area > 0, got {self.area_side_m}")
+            raise ValueError(f"need area_m > 0, got {self.area_side_m}")
         if self.near_m is not None and not (math.isfinite(self.near_m) and self.near_m > 0):
-            raise ValueError(f"need near > 0, got {self.near_m}")
+            raise ValueError(f"need near_m > 0, got {self.near_m}")
         if not 0 < self.angle_deg <= 90:
-            raise ValueError(f"need 0 < angle <= 90, got {self.angle_deg}")
+            raise ValueError(f"need 0 < angle_deg <= 90, got {self.angle_deg}")
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,10 @@ from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_
 from peaking.timing import Stopwatch
 from peaking.tracking import Alignment
 
+RECORD_DEPTH = (
+    "replay a recording with depth (16-bit PNG, millimetres), or have it estimated: --depth-model"
+)
+
 FrameProgress = Callable[[Iterable[int]], Iterable[int]]
 """Wraps the frame numbers to show how far the walk is, such as `tqdm`."""
 
@@ -149,8 +153,7 @@ class Walk:
             raise RecordingError(
                 self._options.recording.path,
                 "no frame that the policy wanted has metric depth",
-                remedy="replay a recording with depth (16-bit PNG, millimetres), or have it "
-                "estimated: --depth-model",
+                remedy=RECORD_DEPTH,
             )
 
     def _drop(self, decision: Decision, index: int) -> None:
@@ -247,6 +250,8 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
         OutputError: `out` is taken, full or not writable; it is complete or absent.
         ToolMissing: There is no program to encode the video with.
     """
+    if options.method.depth_model is None and not _has_maps(options):
+        raise RecordingError(options.recording.path, "no frame has depth", remedy=RECORD_DEPTH)
     options.recording.check_subset(
         range(options.num_frames), follow_links=options.follow_links, keep_exif=options.keep_exif
     )
@@ -308,6 +313,12 @@ def replay(options: ReplayOptions, out: Path, *, progress: FrameProgress = iter)
             folder / "report.html", summary=summary, records=records, stills=stills.stills()
         )
     return summary
+
+
+def _has_maps(options: ReplayOptions) -> bool:
+    """Return whether any frame has a depth map; nothing is decoded for that."""
+    frames = range(options.num_frames)
+    return any(options.recording.depth_size_px(number) is not None for number in frames)
 
 
 def _panel_size_px(options: ReplayOptions) -> tuple[int, int]:

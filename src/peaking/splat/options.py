@@ -56,8 +56,9 @@ class SplatOptions:
     cut_offs: CutOffs = field(default_factory=CutOffs)
 
     def __post_init__(self) -> None:
-        if self.iterations < 1 or self.max_init_points < 1 or self.max_gaussians < 1:
-            raise ValueError("need iterations, max_init_points and max_gaussians of at least 1")
+        for name in ("iterations", "max_init_points", "max_gaussians"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"need {name} >= 1, got {getattr(self, name)}")
         if self.sh_degree not in (0, 1):
             raise ValueError(f"need an sh_degree of 0 or 1, got {self.sh_degree}")
         if not (0 <= self.half_size_share <= 1 and 0 <= self.lr_decay_start_share < 1):

@@ -170,7 +170,9 @@ def load_protocol(path: Path) -> Protocol:
         text = file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise StudyError(
-            file, "is not there", remedy=f"make one with: peaking study init {file.parent}"
+            file,
+            "is not there",
+            remedy=f"make one with: peaking study init {file.parent if file != path else path}",
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(file, f"cannot be read ({error})", remedy="give a text file") from error

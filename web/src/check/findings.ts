@@ -114,6 +114,12 @@ function whyNoAr(facts: Facts, iPhone: boolean, android: boolean, chrome: boolea
   return 'Computers do not have it. Use the virtual phone, or open this page on an Android phone.';
 }
 
+/** Why this device's own camera cannot be used: the first thing that is missing; null when it can. */
+export function whyNoCapture(facts: Facts): string | null {
+  if (verdictOf(facts).grade === 'good') return null;
+  return findingsOf(facts).find(({ grade }) => grade === 'bad')?.text ?? null;
+}
+
 export function verdictOf(facts: Facts): Verdict {
   const draws = facts.webGl2 && facts.maxTextureSize >= NEEDED_TEXTURE && facts.workers;
   if (!draws || !facts.server) {

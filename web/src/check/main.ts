@@ -3,48 +3,12 @@
 import { Api } from '../server/api';
 import { webXrSource } from '../sources/webxr';
 import { make } from '../ui/dom';
-import { findingsOf, reportOf, verdictOf, type Facts, type Finding } from './findings';
+import { findingsOf, reportOf, verdictOf, type Finding } from './findings';
+import { probe } from './probe';
 
 const SIGNS = { good: '✓', warn: '!', bad: '✕' } as const;
 /** How long the camera is tried. */
 const TRIAL_MS = 6000;
-
-async function probe(): Promise<Facts> {
-  const gl = document.createElement('canvas').getContext('webgl2');
-  const api = new Api();
-  await api.pairFromHash().catch(() => false);
-  const binding = (globalThis as { XRWebGLBinding?: { prototype: object } }).XRWebGLBinding;
-  return {
-    secure: globalThis.isSecureContext,
-    webXr: navigator.xr !== undefined,
-    immersiveAr: (await navigator.xr?.isSessionSupported('immersive-ar').catch(() => false)) ?? false,
-    cameraAccess: binding !== undefined && 'getCameraImage' in binding.prototype
-      && 'dispose' in Symbol,
-    depthSensing: 'XRDepthInformation' in globalThis || 'XRCPUDepthInformation' in globalThis,
-    webGl2: gl !== null,
-    maxTextureSize: gl === null ? 0 : Number(gl.getParameter(gl.MAX_TEXTURE_SIZE)),
-    workers: 'Worker' in globalThis && 'OffscreenCanvas' in globalThis,
-    storage: await canStore(),
-    server: await api.server().then(() => true, () => false),
-    userAgent: navigator.userAgent,
-  };
-}
-
-function canStore(): Promise<boolean> {
-  return new Promise((resolve) => {
-    try {
-      const request = indexedDB.open('peaking-check', 1);
-      request.onsuccess = () => {
-        request.result.close();
-        indexedDB.deleteDatabase('peaking-check');
-        resolve(true);
-      };
-      request.onerror = () => resolve(false);
-    } catch {
-      resolve(false);
-    }
-  });
-}
 
 /** Run the real camera for some seconds, and say what it gave. */
 async function tryCamera(out: HTMLElement): Promise<void> {
@@ -77,7 +41,7 @@ async function tryCamera(out: HTMLElement): Promise<void> {
 }
 
 async function main(): Promise<void> {
-  const facts = await probe();
+  const facts = await probe(new Api());
   const verdict = verdictOf(facts);
   const trial = make('p', { className: 'quiet', role: 'status' });
   const copy = make('button', { type: 'button' }, 'Copy as text');

@@ -23,7 +23,7 @@ import askFragment from './ask.frag.glsl?raw';
 import { DepthMaps, MAX_ASKED, writeInner } from './depth_maps';
 import placesFragment from './places.frag.glsl?raw';
 import tellFragment from './tell.frag.glsl?raw';
-import { WrongPlaces } from './wrong_places';
+import { WrongPlaces, type LookedAt } from './wrong_places';
 
 /** Pictures are so many times smaller than what is rendered, per axis. */
 const COARSER = 2;
@@ -33,6 +33,12 @@ const ROUNDS = 2;
 const PARTS = { long: 32, short: 18 } as const;
 /** Before depth has a median. */
 const USUAL_DEPTH_M = 1.5;
+
+/** How wrong the parts of the picture are. */
+interface Parts extends LookedAt {
+  readonly target: Target;
+  readonly back: ReadBack;
+}
 
 export class Memory implements Disposable {
   /** Reading depth costs a copy, and what was never seen does not flicker: asked after so many frames. */
@@ -51,7 +57,7 @@ export class Memory implements Disposable {
   #remembered: { texture: WebGLTexture; number: number } | null = null;
   #answers: Target | null = null;
   #said: Target | null = null;
-  #parts: { readonly target: Target; readonly back: ReadBack } | null = null;
+  #parts: Parts | null = null;
   /** Where what is on its way back was looked from. */
   #lookedFrom: Camera | null = null;
   #held = new Uint8Array(16);
@@ -225,7 +231,10 @@ export class Memory implements Disposable {
       this.#parts?.back[Symbol.dispose]();
       this.#parts?.target[Symbol.dispose]();
       const target = new Target(gl, cols, rows);
-      this.#parts = { target, back: new ReadBack(gl, target) };
+      this.#parts = {
+        target, back: new ReadBack(gl, target), cols, rows,
+        share: new Float32Array(cols * rows), depth_m: new Float32Array(cols * rows),
+      };
     }
     const { target, back } = this.#parts;
     if (back.pending) return;
@@ -247,16 +256,14 @@ export class Memory implements Disposable {
 
   #takePlaces(): void {
     if (this.#parts === null || this.#lookedFrom === null) return;
-    const { target: { width: cols, height: rows }, back } = this.#parts;
+    const { share, depth_m, back } = this.#parts;
     const pixels = back.take();
     if (pixels === null) return;
-    const share = new Float32Array(cols * rows);
-    const depth_m = new Float32Array(cols * rows);
-    for (let i = 0; i < cols * rows; i += 1) {
+    for (let i = 0; i < share.length; i += 1) {
       share[i] = (pixels[4 * i] ?? 0) / 255;
       depth_m[i] = 0.001 * ((pixels[4 * i + 1] ?? 0) + 256 * (pixels[4 * i + 2] ?? 0));
     }
-    this.#wrong.remember(this.#lookedFrom, { cols, rows, share, depth_m });
+    this.#wrong.remember(this.#lookedFrom, this.#parts);
   }
 
   #targetsFor({ view }: Targets): { readonly answers: Target; readonly said: Target } {
@@ -287,13 +294,15 @@ export class Memory implements Disposable {
   }
 }
 
-/** Median of what is known, 0 when nothing is; of every seventh number, which is enough. */
+const sample = new Uint16Array(1024);
+
+/** Median of what is known, 0 when nothing is; of some thousand numbers, which is enough. */
 function medianOf(depth_mm: Uint16Array): number {
-  const known: number[] = [];
-  for (let i = 0; i < depth_mm.length; i += 7) {
+  const step = Math.max(1, Math.ceil(depth_mm.length / sample.length));
+  let known = 0;
+  for (let i = 0; i < depth_mm.length; i += step) {
     const mm = depth_mm[i] ?? 0;
-    if (mm > 0) known.push(mm);
+    if (mm > 0) sample[known++] = mm;
   }
-  known.sort((a, b) => a - b);
-  return known[known.length >> 1] ?? 0;
+  return sample.subarray(0, known).sort()[known >> 1] ?? 0;
 }

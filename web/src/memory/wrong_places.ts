@@ -21,7 +21,7 @@ const LEAST_SHARE = 0.1;
 /** What is nearer than that in all axes of direction belongs together. */
 const BINS_PER_RADIAN = 3;
 /** Smaller areas, in steradians, are not pointed at: a hand at arm's length covers 0.03. */
-const LEAST_AREA_SR = 0.01;
+const LEAST_AREA_SR = 0.02;
 
 interface Place {
   x_m: number;

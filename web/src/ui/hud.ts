@@ -52,6 +52,8 @@ const OVERLAYS: readonly (readonly [Overlay, string, string])[] = [
 const COACH_SEEN = 'peaking.coach-seen';
 /** The number changes at most this often, so that it can be read. */
 const NUMBER_EVERY_MS = 400;
+/** The shutter is not among them: its key is space anyway. */
+const PRESSED_BY_SPACE = 'button:not(.shutter), a, summary, input[type=checkbox]';
 /** A sentence that was asked for goes away by itself. */
 const TOAST_MS = 5000;
 
@@ -130,6 +132,10 @@ export class Hud {
     this.#red = [meter, looks];
     show(tools, rules.offersHelp);
     window.addEventListener('keydown', (event) => this.#key(event));
+    // Who presses with a finger or a mouse did not choose where the focus is: space stays the shutter.
+    root.addEventListener('click', ({ detail, target }) => {
+      if (detail > 0 && target instanceof Element) target.closest<HTMLElement>('button')?.blur();
+    });
   }
 
   #showShares({ peakedShare, wrongShare, unseenShare }: HudState): void {
@@ -283,7 +289,7 @@ export class Hud {
   #player(): HTMLElement[] {
     const controls = this.#replay;
     if (controls === null) return [];
-    this.#play = button('', '▶', 'Play or pause', () => {
+    this.#play = button('play', '', 'Play or pause', () => {
       if (controls.playing) controls.pause();
       else controls.play();
     });
@@ -300,7 +306,7 @@ export class Hud {
   #showPlayer(): void {
     const controls = this.#replay;
     if (controls === null) return;
-    if (this.#play !== null) say(this.#play, controls.playing ? '⏸' : '▶');
+    this.#play?.classList.toggle('playing', controls.playing);
     const { index, count } = controls;
     if (index === this.#shownFrame && count === this.#shownCount) return;
     this.#shownFrame = index;
@@ -313,7 +319,8 @@ export class Hud {
   #key(event: KeyboardEvent): void {
     if (this.rules.covered) return;
     const typing = event.target instanceof HTMLInputElement && event.target.type === 'text';
-    const action = actionOfKey(event, typing);
+    const pressing = event.target instanceof Element && event.target.closest(PRESSED_BY_SPACE) !== null;
+    const action = actionOfKey(event, typing, pressing);
     if (action === null) return;
     switch (action.kind) {
       case 'shoot': this.#shoot(); break;
@@ -325,7 +332,7 @@ export class Hud {
       case 'close': this.#close(); return;
       default: action satisfies never;
     }
-    event.preventDefault(); // space would press the button that has the focus, too
+    event.preventDefault(); // space would scroll, or press the shutter, too
   }
 }
 

@@ -20,10 +20,12 @@ export interface PressedKey {
  * Null when the key is not for us: the browser's own shortcuts, and what is typed into a field.
  *
  * @param typing Whether a field for text has the focus.
+ * @param pressing Whether something has the focus that space presses: that is then what it does.
  */
-export function actionOfKey(pressed: PressedKey, typing: boolean): KeyAction | null {
+export function actionOfKey(pressed: PressedKey, typing: boolean, pressing = false): KeyAction | null {
   const { key, repeat, altKey, metaKey, ctrlKey } = pressed;
   if (key === 'Escape') return { kind: 'close' };
+  if (pressing && key === ' ') return null;
   if (typing || repeat || altKey || metaKey) return null;
   if (ctrlKey) return key === 'z' ? { kind: 'undo' } : null;
   switch (key) {

@@ -25,6 +25,19 @@ export class StartPage {
     });
   }
 
+  /** Say that this device cannot capture, and why; resolves when the photographer goes on without. */
+  standIn(why: string, instead: string): Promise<void> {
+    return new Promise((resolve) => {
+      const goOn = make('button', { className: 'primary', type: 'button' }, instead);
+      goOn.onclick = () => {
+        this.hide();
+        resolve();
+      };
+      this.#fill('This device cannot capture', make('p', {}, why), goOn,
+        make('a', { className: 'secondary', href: './check' }, 'Check this browser'));
+    });
+  }
+
   /** Say what went wrong and what to do; `again` is offered when it makes sense. */
   fail(sentence: string, again: (() => void) | null): void {
     const error = make('div', { className: 'error', role: 'alert' }, sentence);

@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import { findingsOf, reportOf, verdictOf, type Facts } from '../../src/check/findings';
+import { findingsOf, reportOf, verdictOf, whyNoCapture, type Facts } from '../../src/check/findings';
 
 const ANDROID = 'Mozilla/5.0 (Linux; Android 15; Pixel 9) AppleWebKit/537.36 Chrome/147.0 Mobile';
 const PHONE: Facts = {
@@ -16,6 +16,14 @@ describe('verdicts', () => {
   test('Chrome on an ARCore phone is ready', () => {
     expect(verdictOf(PHONE).title).toBe('Ready to capture');
     expect(findingsOf(PHONE).every(({ grade }) => grade === 'good')).toBe(true);
+  });
+
+  test('what is missing first is why a device cannot capture', () => {
+    expect(whyNoCapture(PHONE)).toBeNull();
+    expect(whyNoCapture({ ...PHONE, depthSensing: false })).toBeNull(); // it can, without depth
+    expect(whyNoCapture({ ...PHONE, immersiveAr: false })).toContain('Google Play Services for AR');
+    expect(whyNoCapture({ ...PHONE, immersiveAr: false, userAgent: 'iPhone' })).toContain('iPhones');
+    expect(whyNoCapture({ ...PHONE, secure: false, immersiveAr: false })).toContain('https');
   });
 
   test('the same phone over plain http is told the https link and the cable', () => {

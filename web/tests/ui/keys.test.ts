@@ -27,6 +27,12 @@ test.each([
 });
 
 describe('left to others', () => {
+  test('a button has the focus: space presses it, other keys are ours', () => {
+    expect(actionOfKey(pressed(' '), false, true)).toBeNull();
+    expect(actionOfKey(pressed('z'), false, true)).toEqual({ kind: 'undo' });
+    expect(actionOfKey(pressed('Escape'), false, true)).toEqual({ kind: 'close' });
+  });
+
   test('a name is typed: only Escape is ours', () => {
     for (const key of [' ', 'z', 'f', '1', '.']) {
       expect(actionOfKey(pressed(key), true)).toBeNull();

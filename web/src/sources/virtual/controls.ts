@@ -28,6 +28,7 @@ const KEYS: Readonly<Record<string, readonly [right: number, up: number, ahead: 
 export class PhoneControls {
   readonly #held = new Set<string>();
   readonly #pointers = new Map<number, { x: number; y: number }>();
+  #spreadBefore_px = 0;
   readonly #speed = { right: 0, up: 0, ahead: 0 };
 
   constructor(readonly pose: PhonePose) {}
@@ -46,11 +47,15 @@ export class PhoneControls {
     element.style.touchAction = 'none';
     element.addEventListener('pointerdown', (event) => {
       this.#pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      this.#spreadBefore_px = this.#spread_px();
       element.setPointerCapture(event.pointerId);
     }, options);
     element.addEventListener('pointermove', (event) => this.#drag(event), options);
     for (const name of ['pointerup', 'pointercancel'] as const) {
-      element.addEventListener(name, (event) => this.#pointers.delete(event.pointerId), options);
+      element.addEventListener(name, (event) => {
+        this.#pointers.delete(event.pointerId);
+        this.#spreadBefore_px = this.#spread_px();
+      }, options);
     }
     element.addEventListener('wheel', (event) => {
       event.preventDefault();
@@ -85,13 +90,22 @@ export class PhoneControls {
     last.x = event.clientX;
     last.y = event.clientY;
     if (this.#pointers.size > 1) {
-      // Two fingers carry the phone; each of them brings half.
-      this.#move((-dx * PINCH_M_PER_PX) / 2, (dy * PINCH_M_PER_PX) / 2, 0);
+      // Two fingers carry the phone; each of them brings half. Apart, they bring the scene closer.
+      const spread_px = this.#spread_px();
+      const ahead_m = (spread_px - this.#spreadBefore_px) * PINCH_M_PER_PX;
+      this.#spreadBefore_px = spread_px;
+      this.#move((-dx * PINCH_M_PER_PX) / 2, (dy * PINCH_M_PER_PX) / 2, ahead_m);
       return;
     }
     this.pose.yaw_rad += dx * DRAG_RAD_PER_PX;
     this.pose.pitch_rad = clamp(
       this.pose.pitch_rad + dy * DRAG_RAD_PER_PX, -MAX_PITCH_RAD, MAX_PITCH_RAD);
+  }
+
+  /** How far the first two fingers are apart; 0 when there are not two. */
+  #spread_px(): number {
+    const [a, b] = this.#pointers.values();
+    return a === undefined || b === undefined ? 0 : Math.hypot(a.x - b.x, a.y - b.y);
   }
 
   /** Walking is level, wherever the phone looks. */
