@@ -13,6 +13,8 @@ import { PoseCorrection, type TrackingState } from './pose_correction';
 
 /** Alignments begin no more often than this. */
 const EVERY_MS = 60;
+/** A picture that stands still is aligned so often: each time its rendering is another one by a hair. */
+const MOST_OF_ONE = 8;
 /** A pose whose parts are all known better than this is known as a whole: half the prior. */
 const SURE_SD_M = 0.005;
 
@@ -76,6 +78,9 @@ export class PoseTracker implements Disposable {
   /** The rendering that was aligned last. */
   #aligned = -1;
   #lastSucceeded = false;
+  /** The picture that is shown, and how often it was aligned from where the device is. */
+  #pictureId: number | null = null;
+  #ofOne = 0;
   #spare = new ArrayBuffer(0);
   readonly #shownFrame = new MovedFrame();
   readonly #carriedFrame = new MovedFrame();
@@ -105,7 +110,11 @@ export class PoseTracker implements Disposable {
     const { camera } = frame;
     if (camera === null) return frame;
     this.#time_ms = frame.time_ms;
-    this.#device.rows.set(camera.worldFromCam.rows);
+    const { rows } = camera.worldFromCam;
+    if (frame.pictureId === null || frame.pictureId !== this.#pictureId
+      || !isSame(this.#device.rows, rows)) this.#ofOne = 0;
+    this.#pictureId = frame.pictureId;
+    this.#device.rows.set(rows);
     this.#correction.shown(frame.time_ms, camera.worldFromCam, this.#shownFrame.begin(frame, camera));
     return this.#shownFrame;
   }
@@ -127,12 +136,13 @@ export class PoseTracker implements Disposable {
   /** To be called for what was rendered for the frame that `shown` gave last. */
   rendered(number: number, near: NearViews, camera: Camera, { view, live }: Rendered): void {
     if (!this.#supported) return;
-    if (number === this.#aligned) {
+    if (number === this.#aligned || this.#ofOne >= MOST_OF_ONE) {
       if (this.#busy === null && this.#lastSucceeded) this.#correction.stands(this.#time_ms);
       return;
     }
     if (this.#busy !== null || this.#time_ms - this.#begun_ms < this.every_ms) return;
     this.#aligned = number;
+    this.#ofOne += 1;
     if (this.#pictures?.fits(view) !== true) {
       this.#pictures?.[Symbol.dispose]();
       this.#pictures = new AlignPictures(this.#gl, view);
@@ -194,4 +204,9 @@ export class PoseTracker implements Disposable {
     this.#correction.found(this.#time_ms, this.#alignedDevice, this.#corrected, sure);
     if (this.#correction.asksAgain) this.#aligned = -1;
   }
+}
+
+function isSame(a: Float64Array, b: Float64Array): boolean {
+  for (let i = 0; i < a.length; i += 1) if (a[i] !== b[i]) return false;
+  return true;
 }

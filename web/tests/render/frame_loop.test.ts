@@ -12,6 +12,7 @@ import { MpiStore } from '../../src/mpi/mpi_store';
 import { LEVELS } from '../../src/render/governor';
 import { ViewRenderer, type Look, type Seen } from '../../src/render/view_renderer';
 import type { LiveFrame } from '../../src/sources/frame_source';
+import type { AlignReply } from '../../src/tracking/align_worker';
 import { PoseTracker } from '../../src/tracking/pose_tracker';
 import type { Options } from '../../src/wire';
 
@@ -213,4 +214,48 @@ test('a picture that stands still is drawn until it has settled, then when anyth
   renderer.keepsPicture = false;
   draws(4);
   expect(draws(1)).toBeGreaterThanOrEqual(30);
+});
+
+test('a picture that stands still is aligned a few times, a new one again', async () => {
+  let asked = 0;
+  const sd = Float64Array.of(0.001, 0.001, 0.001);
+  const worker = class {
+    onmessage: ((event: { readonly data: AlignReply }) => void) | null = null;
+
+    postMessage({ pictures }: { readonly pictures: ArrayBuffer }): void {
+      asked += 1;
+      const liveFromCam = identity<Cam, Cam>().rows;
+      liveFromCam[3] = asked % 2 === 0 ? 0.001 : -0.001; // it never comes to rest
+      this.onmessage?.({
+        data: {
+          failure: null, liveFromCam, moveSd_m: sd, turnSd_rad: sd, took_ms: 1,
+          pictures,
+        },
+      });
+    }
+
+    terminate(): void { /* it has nothing to end */ }
+  };
+  vi.stubGlobal('Worker', worker);
+  using store = storeOfMany();
+  using renderer = new ViewRenderer(gl, OPTIONS);
+  using tracker = new PoseTracker(gl);
+  renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
+  const { camera, image, viewport } = new Trembling();
+  const still = {
+    time_ms: 0, pictureId: 1, camera, image, viewport, framebuffer: null, hasDepth: () => true, depth: () => null,
+  };
+  const draw = (): Seen => {
+    still.time_ms += 33;
+    return renderer.draw(tracker.shown(still), store, LOOK);
+  };
+  await untilShown(draw);
+  for (const pictureId of [2, 3]) {
+    still.pictureId = pictureId;
+    asked = 0;
+    for (let i = 0; i < 300; i += 1) draw();
+    expect(asked).toBeLessThanOrEqual(8 + 1); // one was on its way
+    expect(asked).toBeGreaterThan(1);
+  }
+  vi.unstubAllGlobals();
 });
