@@ -41,7 +41,7 @@ def folder(tmp_path: Path) -> Path:
     folder = write_recording(tmp_path / "home" / "recording")
     (folder / "masks").mkdir()
     for number in range(4):
-        (folder / f"masks/{number}.png").write_bytes(encode_png(np.eye(8, dtype=np.uint8)))
+        (folder / f"masks/{number}.png").write_bytes(encode_png(np.ones((48, 64), np.uint8)))
     cloud(folder / "cloud.ply")
     edit_json(folder, lambda top: top.update(ply_file_path="cloud.ply"))
     edit_json(
