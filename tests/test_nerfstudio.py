@@ -341,7 +341,7 @@ def test_transparent_becomes_white(folder: Path) -> None:
 def test_a_subset_opens_again_and_is_the_same(folder: Path, tmp_path: Path) -> None:
     (folder / "cloud.ply").write_bytes(encode_points(np.eye(3)))
     (folder / "masks").mkdir()
-    (folder / "masks/2.png").write_bytes(encode_png(np.eye(8, dtype=np.uint8)))
+    (folder / "masks/2.png").write_bytes(encode_png(np.eye(48, 64, dtype=np.uint8)))
     names = [f"images/frame_{i:05d}.png" for i in range(4)]
 
     def more(top: dict[str, Any]) -> None:

@@ -157,6 +157,7 @@ def odd_jpegs() -> dict[str, bytes]:
         "junk": plain[:2] + b"junk" + plain[2:scan] + b"\0\0\0" + plain[scan:],
         "Se is 0": plain[:limits] + b"\0\0\0" + plain[limits + 3 :],
         "zeros before the end": plain[:-2] + bytes(7) + plain[-2:],
+        "junk before the end": plain[:-2] + b"junk" * 5 + plain[-2:],
         "fill": plain[:scan] + b"\xff\xff" + plain[scan:-2] + b"\xff\xff" + plain[-2:],
     }
 

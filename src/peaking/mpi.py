@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float64, Int32, UInt8
+from jaxtyping import Bool, Float64, Int32, UInt8
 
 from peaking.geometry import Camera
 
@@ -80,6 +80,26 @@ class Mpi:
         if not (np.isfinite(scale) and scale > 0):
             raise ValueError(f"need a scale > 0, got {scale}")
         return replace(self, plane_depths_m=self.plane_depths_m * scale)
+
+    def masked(self, mask: Bool[np.ndarray, "h w"]) -> Mpi:
+        """Return the MPI without what a mask of its picture leaves out, on all planes.
+
+        Raises:
+            ValueError: The mask has another size.
+        """
+        width, height = self.camera.pinhole.size_px
+        if mask.shape != (height, width):
+            raise ValueError(
+                f"need a mask of {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}"
+            )
+        rows, cols = tile_grid(width, height)
+        padded = np.zeros((rows * CELL_PX + 1, cols * CELL_PX + 1), dtype=np.bool_)
+        padded[1 : height + 1, 1 : width + 1] = mask
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (TILE_PX, TILE_PX))
+        counts = windows[::CELL_PX, ::CELL_PX][self.tile_places[:, 1], self.tile_places[:, 2]]
+        texels = np.where(counts[..., None], self.texels, np.uint8(0))
+        held = texels[..., 3].any(axis=(1, 2))
+        return replace(self, tile_places=self.tile_places[held], texels=texels[held])
 
     def dense(self) -> UInt8[np.ndarray, "planes h w 4"]:
         """Return all planes in full, for tests and export."""

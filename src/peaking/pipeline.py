@@ -5,7 +5,7 @@
     live picture + camera ──► render each, blend ──► compare ──► peaks           compare()
               ▲ tracking: where it was really taken ──┘
 
->>> scene = Reconstruction(PRESETS["default"])
+>>> scene = Reconstruction()
 >>> scene.add_view(frame)                          # the shutter
 >>> seen = scene.compare(live.rgb, live.camera)    # every frame of the video
 >>> seen.errors.peaked_share

@@ -54,8 +54,10 @@ class PointCloud:
     def from_depth(
         cls, frame: Frame, depth_m: Float64[np.ndarray, "h w"] | Float32[np.ndarray, "h w"]
     ) -> PointCloud:
-        """Return a point for each pixel whose depth is known (finite and not 0)."""
+        """Return a point for each pixel that counts and has known depth (finite and not 0)."""
         known = np.isfinite(depth_m) & (depth_m > 0)
+        if frame.mask is not None:
+            known &= frame.mask
         pinhole = frame.camera.pinhole
         known_m = depth_m[known].astype(np.float64)
         in_cam_m = pinhole.rays()[known] * known_m[:, None]

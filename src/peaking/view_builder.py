@@ -11,6 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from jaxtyping import Float32
+
 from peaking.depth import complete
 from peaking.depth.estimator import DepthEstimator
 from peaking.depth.registry import create_estimator
@@ -104,7 +107,7 @@ class ViewBuilder:
         with self._stopwatch.stage("estimate"):
             estimated = estimate_depth(small, self._estimator, others)
         with self._stopwatch.stage("generate"):
-            mpi = self._generate(small.rgb, estimated.depth_m, small.camera)
+            mpi = self._made(small, estimated.depth_m)
         return CapturedView(small, mpi, metric=estimated.fit is not None)
 
     def rebuild_guessed(self, frame: Frame, others: Sequence[CapturedView]) -> CapturedView | None:
@@ -115,6 +118,10 @@ class ViewBuilder:
         """
         view = self.build(frame, others)
         return view if view.metric else None
+
+    def _made(self, small: Frame, depth_m: Float32[np.ndarray, "h w"]) -> Mpi:
+        mpi = self._generate(small.rgb, depth_m, small.camera)
+        return mpi if small.mask is None else mpi.masked(small.mask)
 
     def generate(self, frame: Frame) -> Mpi:
         """Return the MPI of a frame with depth, in metres.
@@ -132,7 +139,7 @@ class ViewBuilder:
         with self._stopwatch.stage("complete"):
             depth_m = complete(frame.depth_m, small.rgb)
         with self._stopwatch.stage("generate"):
-            mpi = self._generate(small.rgb, depth_m, small.camera)
+            mpi = self._made(small, depth_m)
         if self.options.align == "off":
             return mpi
         with self._stopwatch.stage("align"):

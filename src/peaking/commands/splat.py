@@ -228,8 +228,10 @@ def _mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
                 psnr(
                     np.clip(render(gaussians, frame.camera).rgb, 0, 1).astype(np.float64),
                     frame.rgb / 255.0,
+                    frame.mask,
                 )
                 for frame in frames
+                if frame.mask is None or frame.mask.any()
             ]
         )
     )

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
 from peaking.geometry import Pinhole
 
@@ -56,6 +56,16 @@ class Lens:
         x_px, y_px = _stored_from_undistorted(self)
         undistorted = cv2.remap(rgb, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(undistorted, dtype=np.uint8)
+
+    def undistorted_mask(self, mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+        """Return which pixels of the pinhole's picture count; nearest pixel, as at the edge."""
+        if not self.has_distortion:
+            return mask
+        x_px, y_px = _stored_from_undistorted(self)
+        counts = cv2.remap(
+            mask.astype(np.uint8), x_px, y_px, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(counts).astype(np.bool_)
 
     def undistorted_depth(self, depth_m: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
         """Return the depth map of the pinhole; nearest pixel, 0 beyond the edge."""

@@ -20,7 +20,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Float64, UInt8
+from jaxtyping import Bool, Float32, Float64, UInt8
 
 from peaking.datasets.depth_unit import MOST, depth_over_distance
 from peaking.datasets.foreign_files import read_bytes
@@ -33,6 +33,7 @@ from peaking.datasets.stored_images import (
     picture_size_px,
     read_depth,
     read_grey,
+    read_mask,
     read_picture,
 )
 from peaking.datasets.transforms_json import (
@@ -49,7 +50,7 @@ from peaking.datasets.transforms_json import (
     same_aspect,
 )
 from peaking.errors import OutputError, RecordingError
-from peaking.frame import Frame
+from peaking.frame import Frame, mask_resized
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
 from peaking.pictures.metadata import is_removable, without_metadata
@@ -76,6 +77,7 @@ class RecordedView:
     timestamp_s: float | None
     points: Path | None
     """A point cloud, where there is no depth map."""
+    mask: Path | None
     points_unit_m: float
     entry: Json
 
@@ -145,7 +147,7 @@ class NerfstudioRecording:
         )
 
     def read(self, index: int) -> Frame:
-        """Decode one picture and its depth, and take the lens's distortion out of both.
+        """Decode one picture, its depth and its mask, and take the lens's distortion out of them.
 
         A depth map in which nothing is known is none. Without one, `points_m` are the points of the
         view's own cloud, or those of the recording's that lie in the picture and are not hidden
@@ -162,7 +164,7 @@ class NerfstudioRecording:
         if (rgb.shape[1], rgb.shape[0]) != view.camera.pinhole.size_px:
             problem = "changed its size after the recording was opened"
             raise RecordingError(path, problem, remedy="open the recording again")
-        depth_m = self._depth_m(view)
+        depth_m, mask = self._depth_m(view), self._mask(view)
         return Frame(
             name=view.name,
             rgb=view.lens.undistorted(rgb),
@@ -170,6 +172,7 @@ class NerfstudioRecording:
             depth_m=None if depth_m is None else view.lens.undistorted_depth(depth_m),
             timestamp_s=view.timestamp_s,
             points_m=self._points_m(view),
+            mask=None if mask is None else view.lens.undistorted_mask(mask),
         )
 
     def depth_size_px(self, index: int) -> tuple[int, int] | None:
@@ -223,7 +226,7 @@ class NerfstudioRecording:
         """Return a short name for transforms.json and the sizes of pictures and depth maps."""
         digest = hashlib.sha256(self.path.read_bytes())
         for view in self.views:
-            for name in (view.picture, view.depth):
+            for name in (view.picture, view.depth, *([view.mask] if view.mask else [])):
                 size = (self.root / name).stat().st_size if name else 0
                 digest.update(f"{name}:{size};".encode())
         return digest.hexdigest()[:24]
@@ -296,10 +299,25 @@ class NerfstudioRecording:
         return Fields(self.path, self.views[index].entry, self.top, f"frames[{index}]")
 
     def _depth_m(self, view: RecordedView) -> Float32[np.ndarray, "h w"] | None:
-        """Decode the depth map of a view as it is stored; None where nothing is known."""
+        """Decode the depth map of a view as it is stored; None where nothing is known.
+
+        What the mask leaves out is unknown.
+        """
         if view.depth is None:
             return None
-        return read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
+        depth_m = read_depth(self.root / view.depth, view.depth_unit_m, within=self._within)
+        mask = self._mask(view)
+        if depth_m is None or mask is None:
+            return depth_m
+        depth_m[~mask_resized(mask, depth_m.shape[1], depth_m.shape[0])] = 0.0
+        return depth_m if depth_m.any() else None
+
+    def _mask(self, view: RecordedView) -> Bool[np.ndarray, "h w"] | None:
+        """Decode the mask of a view, at the size of the stored picture."""
+        if view.mask is None:
+            return None
+        mask = read_mask(self.root / view.mask, within=self._within)
+        return mask_resized(mask, *view.lens.pinhole.size_px)
 
     def _points_m(self, view: RecordedView) -> Float64[np.ndarray, "n 3"] | None:
         if view.points is None:
@@ -389,7 +407,7 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
     depth, depth_unit_m = depth_of(fields) or (None, 0.001)
     points = None
     if depth is not None:
-        _check_aspect(root / depth, lens, within)
+        _check_aspect(root / depth, depth_size_px(root / depth, within=within), lens)
         if not _states_unit(fields) and is_floating(root / depth, within=within):
             raise fields.wrong(
                 UNIT,
@@ -398,6 +416,9 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
             )
     else:
         points = fields.file("ply_file_path")
+    mask = fields.file("mask_path")
+    if mask is not None:
+        _check_aspect(root / mask, picture_size_px(root / mask, within=within), lens)
     for key in _ASIDES:  # what is missing is found now, also where it is not needed to read on
         fields.file(key)
     has_time = fields.own.get("timestamp") is not None
@@ -410,6 +431,7 @@ def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None)
         camera=Camera(lens.pinhole, world_from_cam),
         timestamp_s=fields.number("timestamp") if has_time else None,
         points=points,
+        mask=mask,
         points_unit_m=1.0 / applied_scale,
         entry=fields.own,
     )
@@ -420,14 +442,13 @@ def _states_unit(fields: Fields) -> bool:
     return fields.get(UNIT) is not None or fields.get("depth_file_path") is None
 
 
-def _check_aspect(path: Path, lens: Lens, within: Path | None) -> None:
-    size_px = depth_size_px(path, within=within)
+def _check_aspect(path: Path, size_px: tuple[int, int], lens: Lens) -> None:
     if not same_aspect(size_px, lens.pinhole.size_px):
         (width, height), (full_width, full_height) = size_px, lens.pinhole.size_px
         raise RecordingError(
             path,
             f"is {width}x{height}, not of the aspect of its picture ({full_width}x{full_height})",
-            remedy="crop or pad the depth map to the picture's field of view",
+            remedy="crop or pad it to the picture's field of view",
         )
 
 

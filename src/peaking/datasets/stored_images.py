@@ -13,7 +13,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 import simplejpeg
-from jaxtyping import Float32, Integer, UInt8
+from jaxtyping import Bool, Float32, Integer, UInt8
 from numpy.lib.format import open_memmap
 
 from peaking.datasets.foreign_files import read_bytes, real_path
@@ -148,6 +148,16 @@ def read_depth(
     if most is not None:
         known &= stored != most
     return np.where(known, depth_m, np.float32(0)) if known.any() else None
+
+
+def read_mask(path: Path, *, within: Path | None = None) -> Bool[np.ndarray, "h w"]:
+    """Decode a mask, grey or of several channels: what is 0 in the first one does not count.
+
+    Raises:
+        RecordingError: The file cannot be read, or is not complete.
+    """
+    stored = _explained(path, decode_stored, _picture_bytes(path, within))
+    return (stored if stored.ndim == 2 else stored[..., 0]) > 0
 
 
 def read_grey(path: Path, *, within: Path | None = None) -> Integer[np.ndarray, "h w"]:

@@ -36,12 +36,27 @@ class ErrorMap:
         unseen: No view has seen what is here.
         unfixable: It is wrong, and no view will help: it has moved, is a mirror or glass, or is
             brighter than the camera can tell.
+        counted: Pixels of which shares and means are taken; None: all.
     """
 
     error: Float32[np.ndarray, "h w"]
     peaked: Bool[np.ndarray, "h w"]
     unseen: Bool[np.ndarray, "h w"]
     unfixable: Bool[np.ndarray, "h w"]
+    counted: Bool[np.ndarray, "h w"] | None = None
+
+    def within(self, mask: Bool[np.ndarray, "h w"] | None) -> ErrorMap:
+        """Return the map, and its shares, without what a mask of the picture leaves out."""
+        if mask is None:
+            return self
+        return replace(
+            self,
+            error=np.where(mask, self.error, np.float32(0)),
+            peaked=self.peaked & mask,
+            unseen=self.unseen & mask,
+            unfixable=self.unfixable & mask,
+            counted=mask,
+        )
 
     @property
     def wrong(self) -> Bool[np.ndarray, "h w"]:
@@ -56,27 +71,36 @@ class ErrorMap:
     @property
     def peaked_share(self) -> float:
         """Peaked pixels divided by all pixels, 0…1."""
-        return _share(self.peaked)
+        return self._share(self.peaked)
 
     @property
     def wrong_share(self) -> float:
         """Wrong pixels divided by all pixels, 0…1."""
-        return _share(self.wrong)
+        return self._share(self.wrong)
 
     @property
     def unseen_share(self) -> float:
         """Pixels of what no view has seen divided by all pixels, 0…1."""
-        return _share(self.unseen)
+        return self._share(self.unseen)
 
     @property
     def unfixable_share(self) -> float:
         """Pixels that no view will help divided by all pixels, 0…1."""
-        return _share(self.unfixable)
+        return self._share(self.unfixable)
 
     @property
     def mean_error(self) -> float:
         """Mean of the error over all pixels, 0…3."""
-        return float(self.error.mean())
+        if self.counted is None:
+            return float(self.error.mean())
+        return float(self.error.sum(dtype=np.float64) / max(self._count, 1))
+
+    @property
+    def _count(self) -> int:
+        return self.error.size if self.counted is None else int(np.count_nonzero(self.counted))
+
+    def _share(self, marked: Bool[np.ndarray, "h w"]) -> float:
+        return np.count_nonzero(marked) / max(self._count, 1)
 
 
 def compare(
@@ -160,7 +184,3 @@ def _blown_out(
     bright = shown[:, :3] * exposure.gain >= BRIGHT * shown[:, 3:]
     out[out] = bright.all(axis=1)
     return out
-
-
-def _share(mask: Bool[np.ndarray, "h w"]) -> float:
-    return float(np.count_nonzero(mask) / mask.size)

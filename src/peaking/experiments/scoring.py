@@ -27,6 +27,9 @@ MAX_PSNR_DB = 99.0
 ERROR_GAIN = 2.0
 """Errors (mean over channels) are drawn so many times brighter."""
 
+RIM_PX = 5
+"""So far from the border SSIM looks."""
+
 Distance = Callable[[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w 3"]], float]
 
 
@@ -54,17 +57,20 @@ def score_views(
         rendering = render(frame.camera)
         rgb = np.clip(rendering.rgba[..., :3], 0.0, 1.0)
         photo = frame.rgb.astype(np.float32) / np.float32(255.0)
-        seen = rendering.alpha > SEEN
+        mask = np.ones(rgb.shape[:2], np.bool_) if frame.mask is None else frame.mask
+        counted = frame.mask if mask[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX].any() else None
+        rgb = np.where(mask[..., None], rgb, photo)  # what does not count is as it should be
+        seen = (rendering.alpha > SEEN) & mask
         scores.append(
             ViewScore(
                 view=index,
-                psnr=min(psnr(rgb, photo), MAX_PSNR_DB),
-                ssim=ssim(rgb, photo),
+                psnr=min(psnr(rgb, photo, counted), MAX_PSNR_DB),
+                ssim=ssim(rgb, photo, counted),
                 flip=flip_mean(rgb, photo),
                 lpips=perceptual.lpips(rgb, photo) if perceptual.lpips else None,
                 st_lpips=perceptual.st_lpips(rgb, photo) if perceptual.st_lpips else None,
                 psnr_seen=min(psnr(rgb, photo, seen), MAX_PSNR_DB) if seen.any() else None,
-                coverage=float(seen.mean()),
+                coverage=float(seen.sum() / max(mask.sum(), 1)),
             )
         )
         rendered.append(rgb)

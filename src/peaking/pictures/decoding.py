@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import subprocess
 import sys
 
@@ -36,10 +37,19 @@ def decode_jpeg(data: bytes) -> UInt8[np.ndarray, "h w 3"]:
     try:
         return simplejpeg.decode_jpeg(data, "RGB")
     except ValueError as error:
-        for zeros in (False, True):
+        for zeros, spare in [(False, 0), (True, 0), *((False, n) for n in _spare_bytes(error))]:
             with contextlib.suppress(ValueError):
-                return simplejpeg.decode_jpeg(tidied(data, zeros=zeros), "RGB")
+                return simplejpeg.decode_jpeg(tidied(data, zeros=zeros, spare=spare), "RGB")
         raise ValueError(f"is not a sound JPEG ({error})") from error
+
+
+def _spare_bytes(error: ValueError) -> range:
+    """Return how many bytes too many a decoder may have found before the end marker.
+
+    It counts those that it has not read ahead, which may be eight.
+    """
+    found = re.search(r"(\d+) extraneous bytes before marker 0xd9", str(error))
+    return range(0) if found is None else range(int(found[1]), int(found[1]) + 9)
 
 
 def decode_stored(data: bytes) -> np.ndarray:

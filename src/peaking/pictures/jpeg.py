@@ -77,7 +77,7 @@ def segments(data: bytes | memoryview) -> Iterator[Segment]:
     raise TooCostly(f"has more than {MAX_SEGMENTS:,} segments", remedy=_AGAIN)
 
 
-def tidied(data: bytes, *, zeros: bool) -> bytes:
+def tidied(data: bytes, *, zeros: bool, spare: int = 0) -> bytes:
     """Return the JPEG without what decoders pass over, and strict ones complain of.
 
     That is junk between segments, and limits of a scan that mean nothing in a baseline picture.
@@ -85,13 +85,16 @@ def tidied(data: bytes, *, zeros: bool) -> bytes:
     Args:
         data: The JPEG.
         zeros: Take out zeros at the end of scans too; they may be pixels.
+        spare: Take out so many bytes at the end of the last scan.
 
     Raises:
         ValueError: As `segments`.
         TooCostly: The same.
     """
     parts, baseline = [START], True
-    for segment in segments(data):
+    walked = list(segments(data))
+    last = max((i for i, one in enumerate(walked) if one.marker == SOS), default=-1)
+    for number, segment in enumerate(walked):
         part = data[segment.start : segment.end]
         if segment.marker in FRAMES:
             baseline = segment.marker in (SOF0, SOF1)
@@ -100,6 +103,8 @@ def tidied(data: bytes, *, zeros: bool) -> bytes:
             head, pixels = data[segment.start : scan], data[scan : segment.end]
             if baseline:
                 head = head[:-3] + b"\0\x3f\0"
+            if spare and number == last:
+                pixels = pixels[: max(0, len(pixels) - spare)]
             if zeros:
                 pixels = pixels.rstrip(b"\0")
                 pixels += b"\0" * pixels.endswith(b"\xff")

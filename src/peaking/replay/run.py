@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +138,7 @@ class Walk:
             seen = None
             if self._views:
                 seen = self._scene.compare(small.rgb, small.camera, depth_m=frame.depth_m)
+                seen = replace(seen, errors=seen.errors.within(small.mask))
             decision = self._policy.observe(
                 ReplayCandidate(index, frame, small.camera, self._scene, tuple(self._views), seen)
             )

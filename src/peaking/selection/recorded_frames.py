@@ -180,7 +180,7 @@ class RecordedFrames:
         """Return how much of a frame is red where these views show it."""
         frame = self.frame(index)
         rendering = self.render(views, frame.camera)
-        return compare_with(self.options, rendering, frame.rgb).peaked_share
+        return compare_with(self.options, rendering, frame.rgb).within(frame.mask).peaked_share
 
     def _frame(self, index: int) -> Frame:
         """Read a frame and make it small; its depth is left out, which would take the most room."""

@@ -76,7 +76,12 @@ class GsplatOptimiser:
         """Render, compare, move."""
         image, _, meta = self._cuda.rasterize(self._parameters, frame.camera, mode="RGB")
         meta["means2d"].retain_grad()
-        loss = self._loss(image, self._cuda.tensor(frame.rgb).float() / 255)
+        photo = self._cuda.tensor(frame.rgb).float() / 255
+        if frame.mask is not None:  # what does not count is as it should be
+            mask = self._cuda.tensor(frame.mask)[..., None]
+            image = image.where(mask, image.detach())
+            photo = photo.where(mask, image.detach())
+        loss = self._loss(image, photo)
         self._parameters.grad = None
         loss.backward()
         with self._cuda.torch.no_grad():

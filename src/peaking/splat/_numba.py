@@ -36,7 +36,12 @@ class NumbaOptimiser:
         state = self._state
         tape = Tape(state.parameters, frame.camera, self._cut_offs)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
-        loss, by_rgb = loss_and_gradient(np.ascontiguousarray(tape.rgb), photo)
+        rgb = np.ascontiguousarray(tape.rgb)
+        if frame.mask is not None:  # what does not count is as it should be
+            photo = np.where(frame.mask[..., None], photo, rgb)
+        loss, by_rgb = loss_and_gradient(rgb, photo)
+        if frame.mask is not None:
+            by_rgb[~frame.mask] = 0
         gradients = tape.gradients(by_rgb, self._grad2d, self._count)
         self._steps += 1
         adam_step(

@@ -122,7 +122,9 @@ function sentenceOf(name: string): string {
   }
 }
 
+/** Null while the position is a guess: the device turns with the phone, but does not know where. */
 function viewWithCamera(pose: XRViewerPose | undefined): CameraView | null {
+  if (pose?.emulatedPosition === true) return null;
   const views = pose?.views as readonly CameraView[] | undefined;
   for (let i = 0; i < (views?.length ?? 0); i += 1) {
     const view = views?.[i];

@@ -241,6 +241,7 @@ async function marks(scene: Scene, asked: MarksAsked): Promise<object> {
   let seen = bench.draw(100, asked.look, 1);
   for (let i = 2; i < SETTLED_FRAMES; i += 1) {
     seen = bench.draw(100 * i, asked.look, 1);
+    gl.finish();
     await new Promise(requestAnimationFrame);
   }
   return {
