@@ -227,6 +227,15 @@ def test_what_breaks_inside_says_nothing_of_the_inside(
     assert "secret" not in answer.text
 
 
+@pytest.fixture(scope="module")
+def refusing(tmp_path_factory: pytest.TempPathFactory) -> Generator[TestClient, None, None]:
+    """A client without a credential, of a server with a session; refused, it changes nothing."""
+    with client_of(tmp_path_factory.mktemp("refusing")) as client:
+        client.put(SESSION, json=new_session())
+        client.headers.pop("authorization")
+        yield client
+
+
 @pytest.mark.parametrize(
     "operation",
     [o for o in OPERATIONS if o.needs != "nothing"],
@@ -234,13 +243,12 @@ def test_what_breaks_inside_says_nothing_of_the_inside(
 )
 @pytest.mark.parametrize("sent", [None, "Bearer wrong", "Bearer ", "Basic eDp5", "Bearer \xff"])
 def test_without_a_credential_there_is_nothing(
-    client: TestClient, operation: Any, sent: str | None
+    refusing: TestClient, operation: Any, sent: str | None
 ) -> None:
     path = operation.path.replace("{session}", SESSION_ID).replace("{capture}", capture_id(1))
     path = path.replace("{recording}", "desk").replace("{index}", "0")
-    client.headers.pop("authorization", None)
     headers: dict[bytes, bytes] = {} if sent is None else {b"Authorization": sent.encode("latin-1")}
-    answer = client.request(operation.method, path, headers=headers, content=b"{}")
+    answer = refusing.request(operation.method, path, headers=headers, content=b"{}")
     assert answer.status_code == 401
     assert answer.json() == {
         "type": "urn:peaking:problem:not-paired",
