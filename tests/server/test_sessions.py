@@ -235,8 +235,8 @@ def test_names_and_ends_are_remembered(tmp_path: Path) -> None:
     session = begun(tmp_path)
     session.rename("../../etc")
     session.finish(True)
-    sample = wire.PeakedSample(1.0, 0.25, 0.1, 2, [1.0, 0, 0, 0] * 3)
-    later = wire.PeakedSample(2.0, 0.25, 0.1, 2, [1.0, 0, 0, 0] * 3)
+    sample = wire.PeakedSample(1.0, 0.25, 2, [1.0, 0, 0, 0] * 3, unseen_share=0.1)
+    later = wire.PeakedSample(2.0, 0.25, 2, [1.0, 0, 0, 0] * 3, unseen_share=0.1)
     session.add_peaked([sample, later])
     again = reopened(tmp_path)
     again.add_peaked([sample, later])  # told again by a phone that got no answer
