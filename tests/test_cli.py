@@ -414,8 +414,8 @@ def test_plan_writes_what_it_prints_as_json(
 
 
 def test_plan_refuses_what_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "z_min_m" in fails(["plan", "--z-min-m", "0"], capsys)
-    assert "eye_m" in fails(["plan", "--eye-m", "nan"], capsys)
+    assert "--z-min-m" in fails(["plan", "--z-min-m", "0"], capsys)
+    assert "--eye-m" in fails(["plan", "--eye-m", "nan"], capsys)
     plot = tmp_path / "plan.pdf"
     assert ".svg or .png" in fails(["plan", "--plot", str(plot)], capsys)
     assert not plot.exists()

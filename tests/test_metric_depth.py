@@ -147,8 +147,11 @@ def with_points_for_depth(
     recording: NerfstudioRecording, index: int, folder: Path, *, own: bool
 ) -> Frame:
     """Write a frame as a recording without depth, with 300 points of its own or 5000 of all."""
-    entry = dict(recording.views[index].entry)
-    del entry["depth_file_path"]
+    entry = {
+        key: value
+        for key, value in recording.views[index].entry.items()
+        if key == "file_path" or not key.endswith("_file_path")
+    }
     picture = folder / entry["file_path"]
     picture.parent.mkdir(parents=True)
     shutil.copy(recording.root / recording.views[index].picture, picture)

@@ -96,7 +96,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   for (const key of document.querySelectorAll<HTMLElement>('[data-only]')) {
     key.hidden = key.dataset['only'] !== choice.kind;
   }
-  if (isStandIn(choice, matchMedia('(pointer: coarse) and (hover: none)').matches)) {
+  // Who takes part in a study is shown what its organiser chose.
+  if (extension === null && isStandIn(choice, matchMedia('(pointer: coarse) and (hover: none)').matches)) {
     const why = whyNoCapture(await probe(api));
     if (why !== null) await start.standIn(why, STAND_INS[choice.kind]);
   }
