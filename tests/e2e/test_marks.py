@@ -90,7 +90,7 @@ def test_a_phone_shows_counts_and_explains(browser: Browser, server: LiveServer)
     page = context.new_page()
     page.add_init_script(f"({GLARE})()")
     phone = VirtualPhonePage(page, server.address)
-    page.evaluate("window.glare = [60, 620, 320, 260, 200]")
+    page.evaluate("window.glare = [60, 620, 320, 260, 224]")
     phone.hold(moved(x_m=0.001))
     phone.shoot_and_wait()
     page.get_by_role("button", name="Hide the introduction").click()
@@ -144,7 +144,7 @@ def dazzled(folder: Path) -> Path:
     """A recording: a view; the same again, dazzled and with a thing recoloured; one from aside."""
     cameras = lateral_cameras(13, 150, 320)
     write_recording(folder, cameras=[cameras[6], cameras[6], cameras[12]])
-    for index, brightness in ((0, 200), (1, 255)):
+    for index, brightness in ((0, 224), (1, 255)):
         path = folder / "images" / f"frame_{index:05d}.png"
         picture = cv2.imread(str(path))
         assert picture is not None

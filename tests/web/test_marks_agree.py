@@ -51,7 +51,7 @@ class Made:
         rows, cols = (
             slice(round(scale * each.start), round(scale * each.stop)) for each in (BLOWN, ACROSS)
         )
-        painted[rows, cols] = 190
+        painted[rows, cols] = 224
         painted[rows, cols.stop - round(8 * scale) : cols.stop] = 20
         frame = replace(photo, rgb=painted)
         field = Reconstruction(OPTIONS)

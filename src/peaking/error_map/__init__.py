@@ -20,7 +20,7 @@ MIN_ALPHA = 0.5
 """Opacity below which nothing was rendered at a pixel."""
 
 
-BLOWN_OUT, BRIGHT = 250, 0.6
+BLOWN_OUT, BRIGHT = 250, 0.85
 """In all channels of a picture, of 255: brighter than the camera can tell; and in all channels of a
 rendering at the picture's exposure, of 1: bright as well."""
 

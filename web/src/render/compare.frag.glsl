@@ -17,7 +17,7 @@ out vec4 result;
 
 const float MIN_ALPHA = 0.5;
 const float BLOWN_OUT = 250.0 / 255.0; // in all channels: brighter than the camera can tell
-const float BRIGHT = 0.6; // in all channels of the view, at the picture's exposure
+const float BRIGHT = 0.85; // in all channels of the view, at the picture's exposure
 
 // By how much the live picture is brighter here; a pixel aside it is the same but for a trifle.
 vec3 brighter(ivec2 at, vec2 size) {
