@@ -169,7 +169,7 @@ def compare(
 
 def _grown(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Return a mask with a rim: what views saw ends a little later than what can be shown of it."""
-    return cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.bool_)
+    return cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
 
 
 def _blown_out(
