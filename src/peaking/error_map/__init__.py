@@ -19,10 +19,10 @@ from peaking.rendering import Backend, Rendering
 MIN_ALPHA = 0.5
 """Opacity below which nothing was rendered at a pixel."""
 
-
 BLOWN_OUT, BRIGHT = 250, 0.85
 """In all channels of a picture, of 255: brighter than the camera can tell; and in all channels of a
-rendering at the picture's exposure, of 1: bright as well."""
+rendering at the picture's exposure, of 1: nearly as bright. Lower, and a thing that has become
+lighter would be hidden."""
 
 
 @dataclass(frozen=True)

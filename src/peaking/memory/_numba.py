@@ -73,11 +73,10 @@ def _look(points_m, radius_m, rotation, translation_m, inner, depth_m, cell):
                     depth_m[y, x] = np.float32(0.0)
 
 
-def behind(live_m, pinhole, asked):
-    """Ask the views; see `_numpy.behind`."""
-    hidden = np.empty(live_m.shape, np.float32)
+def _ask(kernel, live_m, pinhole, asked, answer):
+    """Let a kernel write its answer for every pixel."""
     inner = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px], np.float32)
-    _behind(
+    kernel(
         live_m,
         inner,
         asked.depth_m,
@@ -86,9 +85,14 @@ def behind(live_m, pinhole, asked):
         asked.inner,
         asked.rotation,
         asked.translation_m,
-        hidden,
+        answer,
     )
-    return hidden
+    return answer
+
+
+def behind(live_m, pinhole, asked):
+    """Ask the views; see `_numpy.behind`."""
+    return _ask(_behind, live_m, pinhole, asked, np.empty(live_m.shape, np.float32))
 
 
 @nb.njit(cache=True, parallel=True)
@@ -126,20 +130,7 @@ def _behind(live_m, inner, depth_m, first, size_px, inners, rotation, translatio
 
 def looked_through(live_m, pinhole, asked):
     """Ask the views; see `_numpy.looked_through`."""
-    through = np.zeros(live_m.shape, np.bool_)
-    inner = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px], np.float32)
-    _looked_through(
-        live_m,
-        inner,
-        asked.depth_m,
-        asked.first,
-        asked.size_px,
-        asked.inner,
-        asked.rotation,
-        asked.translation_m,
-        through,
-    )
-    return through
+    return _ask(_looked_through, live_m, pinhole, asked, np.zeros(live_m.shape, np.bool_))
 
 
 @nb.njit(cache=True, parallel=True)
