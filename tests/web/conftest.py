@@ -1,10 +1,11 @@
-"""The page that a test asks for parts of the renderer, one by one."""
+"""The pages that tests ask for parts of the renderer."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,9 @@ from live_server import chromium
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(scope="module")
-def page() -> Generator[Page, None, None]:
+@contextmanager
+def opened_page(name: str, ready: str) -> Generator[Page, None, None]:
+    """Open a page of `web/tests/pages` in a browser; `ready` is what it puts into the window."""
     command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
     vite = subprocess.Popen(
         command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -32,10 +34,16 @@ def page() -> Generator[Page, None, None]:
         with chromium() as browser:
             page = browser.new_page()
             page.set_default_timeout(90_000)
-            page.goto(f"{address.group()}/tests/pages/core.html", wait_until="commit")
-            page.wait_for_function("window.core !== undefined")
+            page.goto(f"{address.group()}/tests/pages/{name}.html", wait_until="commit")
+            page.wait_for_function(f"window.{ready} !== undefined")
             yield page
     finally:
         vite.terminate()
-        vite.wait(10)
+        vite.wait(120)
         vite.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def page() -> Generator[Page, None, None]:
+    with opened_page("core", "core") as page:
+        yield page

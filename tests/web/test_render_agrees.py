@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import re
-import subprocess
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +13,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from live_server import chromium
 from peaking.datasets import open_recording
 from peaking.error_map import compare
 from peaking.geometry import Camera, Rigid
@@ -27,6 +24,7 @@ from peaking.rendering import Rendering, render
 from peaking.rendering.blending import blend
 from peaking.server.recordings import wire_of_camera
 from peaking.view_weights import Neighbour, nearest_by_distance, nearest_by_overlap
+from web.conftest import opened_page
 
 ROOT = Path(__file__).parents[2]
 SIZE = (102, 222)
@@ -51,29 +49,8 @@ DEPTH_WRONG = 0.005
 
 @pytest.fixture(scope="module")
 def page() -> Generator[Page, None, None]:
-    command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
-    vite = subprocess.Popen(
-        command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert vite.stdout is not None
-    try:
-        said = ""
-        address = None
-        while address is None:
-            line = vite.stdout.readline()
-            assert line, f"vite did not start: {said}"
-            said += line
-            plain = re.sub(r"\x1b\[[0-9;]*m", "", line)
-            address = re.search(r"http://127\.0\.0\.1:\d+", plain)
-        with chromium() as browser:
-            page = browser.new_page()
-            page.goto(f"{address.group()}/tests/pages/agreement.html")
-            page.wait_for_function("window.renderFixture !== undefined")
-            yield page
-    finally:
-        vite.terminate()
-        vite.wait(120)
-        vite.stdout.close()
+    with opened_page("agreement", "renderFixture") as page:
+        yield page
 
 
 @pytest.fixture(scope="module")
