@@ -67,6 +67,7 @@ class LiveServer:
     port: int = 0
     wrapped_in: Sequence[str] = ()
     """A command that runs the server's command, such as one that mounts something for it."""
+    program: str = PEAKING
     said: list[str] = field(default_factory=list[str])
     address: str = ""
 
@@ -77,7 +78,7 @@ class LiveServer:
         folder = ["--sessions"] if self.command[0] == "demo" else []
         arguments = [*self.command, "--port", str(self.port), *folder, str(self.sessions)]
         self.process = subprocess.Popen(
-            [*self.wrapped_in, sys.executable, "-c", PEAKING, *arguments],
+            [*self.wrapped_in, sys.executable, "-c", self.program, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

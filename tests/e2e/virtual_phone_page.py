@@ -38,14 +38,21 @@ class VirtualPhonePage:
     """
 
     def __init__(
-        self, page: Page, address: str, *, query: str = "source=virtual", governor: str = "off"
+        self,
+        page: Page,
+        address: str,
+        *,
+        query: str = "source=virtual",
+        governor: str = "off",
+        running: bool = True,
     ) -> None:
         self.page = page
         self.problems: list[str] = []
         page.on("pageerror", lambda error: self.problems.append(str(error)))
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{address}/?governor={governor}&{query}", wait_until="commit")
-        self.wait_until_running()
+        if running:
+            self.wait_until_running()
 
     def wait_until_running(self) -> None:
         """Wait for pictures with depth: ARCore's depth is late, and so is the virtual phone's."""

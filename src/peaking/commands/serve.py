@@ -53,12 +53,14 @@ class Serve:
             fixed_token,
             https_origins,
             keep_private,
+            preparation_said,
             say_skipped,
         )
         from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
         from peaking.server.devices import Devices
         from peaking.server.serving import CLIENT_DIR, bind, serve
+        from peaking.server.warm_up import WarmUp
 
         if self.token is not None:
             raise ArgumentError(
@@ -111,4 +113,5 @@ class Serve:
             context=context,
             started=started,
             told=say_skipped,
+            warm_up=WarmUp(preparation_said()),
         )
