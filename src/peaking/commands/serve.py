@@ -72,14 +72,14 @@ class Serve:
         keep_private()
         with checked_arguments():
             options = self.method.options()
+        devices = Devices(self.sessions, fixed_secret=token)
+        for problem in devices.problems:
+            say(f"Note: {problem}", problem=True)
         listener = bind("127.0.0.1" if self.adb else self.host, self.port)
         port = listener.getsockname()[1]
         origins, context = [f"http://localhost:{port}"], None
         if not self.adb:
             origins, context = https_origins(self.host, port)
-        devices = Devices(self.sessions, fixed_secret=token)
-        for problem in devices.problems:
-            say(f"Note: {problem}", problem=True)
         pages = [f"{origin}/" for origin in origins]
         invitation = Invitation(devices, pages, what="phone")
 

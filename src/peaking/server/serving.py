@@ -95,12 +95,13 @@ def serve(
         told: Hears of sessions that cannot be opened.
         warm_up: What is done first.
     """
-    store = SessionStore(sessions)
-    for problem in store.problems:
-        told(problem)
-    hub = Hub()
-    app = create_app(store=store, config=config, hub=hub, warm_up=warm_up)
-    run(listener, app, context=context, started=started, stopping=hub.close)
+    with listener:
+        store = SessionStore(sessions)
+        for problem in store.problems:
+            told(problem)
+        hub = Hub()
+        app = create_app(store=store, config=config, hub=hub, warm_up=warm_up)
+        run(listener, app, context=context, started=started, stopping=hub.close)
 
 
 def run(
