@@ -25,6 +25,7 @@ from capture_uploads import (
 )
 from foreign_pictures import jpeg
 from live_server import LiveServer
+from patience import PATIENCE_S
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
 
@@ -101,7 +102,7 @@ def test_a_connection_that_breaks(
 ) -> None:
     server = LiveServer(tmp_path / "sessions").start()
     try:
-        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=120)
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
 
         def ask(method: str, address: str, body: bytes | None = None) -> tuple[int, dict[str, Any]]:
             connection.request(method, address, body, {"Host": "localhost"})
@@ -111,7 +112,7 @@ def test_a_connection_that_breaks(
         assert ask("PUT", SESSION, json.dumps(new_session()).encode())[0] == 201
         length, sent = sent_as(upload(1))
         for end in (len(sent) // 3, len(sent) - 1 if sent_as is declared else len(sent)):
-            with socket.create_connection(("127.0.0.1", server.port), timeout=120) as broken:
+            with socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE_S) as broken:
                 head = f"PUT {CAPTURE} HTTP/1.1\r\nHost: localhost\r\n".encode() + length
                 broken.sendall(head + b"\r\n" + sent[:end])
                 broken.shutdown(socket.SHUT_WR)
