@@ -75,10 +75,15 @@ def share_of(phone: VirtualPhonePage, name: str) -> float:
     return phone.page.evaluate("name => window.peaking.seen()[name]", name)
 
 
-def toast_after(page: Page, touch: Callable[[float, float], None], x: float, y: float) -> str:
+def toast_after(
+    phone: VirtualPhonePage, touch: Callable[[float, float], None], x: float, y: float
+) -> str:
     """Touch a place of the picture; return what is answered."""
+    page = phone.page
+    # It hears of the touch after those who answer it.
+    page.evaluate("window.heard = false; addEventListener('click', () => { window.heard = true; })")
     touch(*place_on_page(page, x, y))
-    page.wait_for_timeout(300)
+    phone.until("() => window.heard")
     toast = page.locator(".toast")
     return toast.inner_text() if toast.is_visible() else ""
 
@@ -109,11 +114,11 @@ def test_a_phone_shows_counts_and_explains(browser: Browser, server: LiveServer)
     phone.keep_picture("marks-phone")
 
     views = len(phone.views())
-    assert toast_after(page, touch, *middle) == TOO_BRIGHT
+    assert toast_after(phone, touch, *middle) == TOO_BRIGHT
     phone.keep_picture("marks-touched")
     page.locator(".toast").wait_for(state="hidden")
-    assert toast_after(page, touch, 0.3, 0.6) == ""  # shown rightly
-    assert toast_after(page, touch, 0.95, 0.4) == ""  # never seen
+    assert toast_after(phone, touch, 0.3, 0.6) == ""  # shown rightly
+    assert toast_after(phone, touch, 0.95, 0.4) == ""  # never seen
     assert len(phone.views()) == views
 
     page.get_by_role("button", name="Settings").click()
@@ -173,9 +178,9 @@ def test_a_recording_shows_all_three(browser: Browser, tmp_path: Path) -> None:
         assert not is_red(amber).any()
         assert is_red(seen_around(page, *wrong)).mean() > 0.8
         phone.keep_picture("marks-recording")
-        assert toast_after(page, page.mouse.click, *bright) == TOO_BRIGHT
+        assert toast_after(phone, page.mouse.click, *bright) == TOO_BRIGHT
         page.locator(".toast").wait_for(state="hidden")
-        assert toast_after(page, page.mouse.click, *wrong) == ""
+        assert toast_after(phone, page.mouse.click, *wrong) == ""
         numbers = page.locator(".meter .shares").inner_text()
         assert "wrong" in numbers
         assert "new" in numbers

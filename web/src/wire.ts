@@ -175,6 +175,7 @@ export interface ServerInfo {
   readonly options: Options;
   readonly recordings: readonly string[];
   readonly warm: boolean;
+  readonly warm_share: number;
   readonly max_upload_bytes: number;
 }
 
@@ -362,6 +363,7 @@ export const serverInfoSchema: Schema<ServerInfo> = /* @__PURE__ */ record<Serve
   options: optionsSchema,
   recordings: list(text),
   warm: flag,
+  warm_share: number(),
   max_upload_bytes: integer(),
 });
 

@@ -178,6 +178,18 @@ describe('refusals', () => {
     await clock.until(allQueued(session, 2));
   });
 
+  test.each([[2, 'queued,queued'], [3, 'failed,queued']])(
+    'a photo that was cut off %i times on the way', async (times, become) => {
+      const session = await browser.open();
+      let left = times;
+      server.fault = (what) => what.endsWith('0001') && left-- > 0
+        ? problem(400, 'cut off', {}, 'urn:peaking:problem:cut-off') : null;
+      await session.shutter(photo(1));
+      await session.shutter(photo(2));
+      await clock.until(() => states(session).join() === become);
+      expect(left).toBe(times === 2 ? -1 : 0); // was sent once more, or not
+    });
+
   test('Retry-After is kept, whatever is pressed meanwhile', async () => {
     const session = await browser.open();
     await clock.until(() => session.snapshot.connection === 'online');
