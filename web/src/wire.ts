@@ -126,6 +126,8 @@ export interface SessionSummary {
   readonly live: boolean;
   readonly deleted_s?: number | null;
   readonly damaged?: number;
+  readonly restorable?: number;
+  readonly thumbnails?: readonly string[];
 }
 
 /** A session with all its captures in order, removed ones too. */
@@ -319,6 +321,8 @@ export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ reco
   live: flag,
   deleted_s: optional(nullable(number())),
   damaged: optional(integer()),
+  restorable: optional(integer()),
+  thumbnails: optional(list(text)),
 });
 
 export const sessionSchema: Schema<Session> = /* @__PURE__ */ record<Session>({
