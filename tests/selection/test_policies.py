@@ -184,7 +184,9 @@ def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: PolicyNa
 
 def test_those_that_need_the_whole_path_say_so() -> None:
     needing: set[PolicyName] = {name for name, kind in POLICIES.items() if kind.needs_whole_path}
-    assert needing == {"uniform", "farthest", "random", "all"}
+    assert needing == {
+        "uniform", "every-nth", "sharpest", "farthest", "coverage", "random", "all",
+    }  # fmt: skip
     also: set[PolicyName] = {"threshold", "plenoptic"}
     for name in needing | also:
         with pytest.raises(NeedsWholePath, match=f"whole path for the policy {name}"):

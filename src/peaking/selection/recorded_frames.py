@@ -60,6 +60,7 @@ class RecordedFrames:
         max_mpis: int = MAX_MPIS,
         shared: Path | None = None,
         clock_s: Callable[[], float] = time.process_time,
+        read: Callable[[int], Frame] | None = None,
     ) -> None:
         """Look at a recording with the method's options.
 
@@ -70,6 +71,7 @@ class RecordedFrames:
             shared: Folder for MPIs that other processes make or need too; none: those that are not
                 in memory are made again.
             clock_s: Of the stages.
+            read: Returns a frame of the recording; none: as it does, each frame once in a row.
         """
         self.stopwatch = Stopwatch(clock_s)
         """Takes the processor time of reading, generating and rendering; not that of the rest."""
@@ -77,9 +79,11 @@ class RecordedFrames:
         self._max_mpis = max_mpis
         self._other_sizes: dict[int, RecordedFrames] = {}
         self._shared = shared
+        self._clock_s = clock_s
         self._files = None if shared is None else MpiFiles(shared / _name_of(options))
         self.recording = recording
         self.options = options
+        self._read = lru_cache(maxsize=1)(recording.read) if read is None else read
         self._builder = ViewBuilder(options)
         self._scratch = Scratch()
         self.frame = lru_cache(maxsize=MAX_FRAMES)(self._frame)
@@ -130,6 +134,8 @@ class RecordedFrames:
                 replace(self.options, pixels=pixels),
                 max_mpis=smaller * self._max_mpis,
                 shared=self._shared,
+                clock_s=self._clock_s,
+                read=self._read,
             )
         return self._other_sizes[pixels]
 
@@ -185,7 +191,7 @@ class RecordedFrames:
     def _frame(self, index: int) -> Frame:
         """Read a frame and make it small; its depth is left out, which would take the most room."""
         with self.stopwatch.stage("reading"):
-            return replace(self._builder.prepare(self.recording.read(index)), depth_m=None)
+            return replace(self._builder.prepare(self._read(index)), depth_m=None)
 
     def _mpi(self, index: int) -> Mpi:
         if self._files is None:
@@ -196,7 +202,7 @@ class RecordedFrames:
 
     def _made(self, index: int) -> Mpi:
         with self.stopwatch.stage("reading"):
-            frame = self.recording.read(index)
+            frame = self._read(index)
         self.mpis_made += 1
         with self.stopwatch.stage("generating"):
             return self._builder.generate(frame)

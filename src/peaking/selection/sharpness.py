@@ -23,6 +23,9 @@ BLURRED, SHARP = 0.6, 1.0
 Blurred by 7 px in 640, pictures have 0.4 to 0.65, by 4 px 0.6 to 0.9; 9 of 10 that are not blurred
 have more than 0.8 (kitchen, office)."""
 
+CHUNK = 256
+"""Pictures whose distances to all others are in memory at once."""
+
 METRES_PER_RAD = 1.0
 """What a rotation counts as when the nearest places are looked for."""
 
@@ -62,29 +65,53 @@ class Sharpnesses:
         """Begin without pictures."""
         self._numbers: list[int] = []
         self._sharpness: list[float] = []
-        self._places: list[Float64[np.ndarray, "6"]] = []
+        self._cameras: list[Camera] = []
 
     def add(self, number: int, camera: Camera, sharp: float) -> None:
         """Add a picture."""
         self._numbers.append(number)
         self._sharpness.append(sharp)
-        self._places.append(
-            np.concatenate([camera.position_m, METRES_PER_RAD * np.asarray(camera.forward)])
-        )
+        self._cameras.append(camera)
 
     def remove(self, number: int) -> None:
         """Forget a picture."""
         k = self._numbers.index(number)
-        del self._numbers[k], self._sharpness[k], self._places[k]
-
-    def relative(self, numbers: Sequence[int]) -> Float64[np.ndarray, "n"]:
-        """Return the sharpness of pictures over the median of the nearest ones, itself included."""
-        places, sharp = np.array(self._places), np.array(self._sharpness)
-        rows = [self._numbers.index(number) for number in numbers]
-        away = np.linalg.norm(places[rows][:, None] - places[None], axis=-1)
-        nearest = np.argsort(away, axis=1, kind="stable")[:, : LIKE + 1]
-        return sharp[rows] / np.maximum(np.median(sharp[nearest], axis=1), 1e-6)
+        del self._numbers[k], self._sharpness[k], self._cameras[k]
 
     def worth(self, numbers: Sequence[int]) -> Float64[np.ndarray, "n"]:
         """Return what part of what pictures show counts, 0…1, for their sharpness."""
-        return np.clip((self.relative(numbers) - BLURRED) / (SHARP - BLURRED), 0.0, 1.0)
+        row = {number: k for k, number in enumerate(self._numbers)}
+        relative = relative_to_nearest(
+            self._cameras, np.array(self._sharpness), [row[number] for number in numbers]
+        )
+        return worth_of_sharpness(relative)
+
+
+def worth_of_sharpness(relative: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
+    """Return what part of what pictures show counts, 0…1, by their relative sharpness."""
+    return np.clip((relative - BLURRED) / (SHARP - BLURRED), 0.0, 1.0)
+
+
+def relative_to_nearest(
+    cameras: Sequence[Camera],
+    values: Float64[np.ndarray, "n"],
+    rows: Sequence[int] | None = None,
+) -> Float64[np.ndarray, "rows"]:
+    """Return values of pictures over the medians of those of the nearest ones, themselves included.
+
+    Args:
+        cameras: Of all pictures.
+        values: Of all pictures, > 0.
+        rows: Which pictures are asked about; all without it.
+    """
+    places = np.array(
+        [np.concatenate([c.position_m, METRES_PER_RAD * c.forward]) for c in cameras]
+    ).reshape(-1, 6)
+    asked = np.arange(len(cameras)) if rows is None else np.asarray(rows, dtype=np.int64)
+    medians = np.ones(len(asked))
+    for start in range(0, len(asked), CHUNK):
+        some = places[asked[start : start + CHUNK]]
+        away = np.linalg.norm(some[:, None] - places[None], axis=-1)
+        nearest = np.argsort(away, axis=1, kind="stable")[:, : LIKE + 1]
+        medians[start : start + CHUNK] = np.median(values[nearest], axis=1)
+    return values[asked] / np.maximum(medians, 1e-6)
