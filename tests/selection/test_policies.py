@@ -54,6 +54,10 @@ class Told:
     def camera(self) -> Camera:
         return cameras_at(self.x_m)[0]
 
+    @property
+    def sharpness(self) -> float:
+        raise PeakingError("nobody may look")
+
     def frame(self, pixels: int) -> Frame:
         raise PeakingError("nobody may look")
 

@@ -21,6 +21,9 @@ METRES_PER_RAD = 0.5
 CELLS_PER_DEPTH = 10
 """Cells of the surface along each axis, per typical depth of the scene."""
 
+LEAST = 0.1
+"""What a frame counts at least, where it shows nothing new or is not sharp."""
+
 DIRECTION_STEPS = 3
 """Steps along each axis of a cube's face: directions are told apart by about 30°."""
 
@@ -33,10 +36,12 @@ class Cover:
         places: Places of the path, the first taken first; each beginning of it covers best.
         gaps_m: How far each was from all those taken before it, rotations counted; infinite for the
             first.
+        left_m: How far the frame that is farthest from all those taken is.
     """
 
     places: tuple[int, ...]
     gaps_m: tuple[float, ...]
+    left_m: float
 
 
 def choose_by_coverage(path: CandidatePath, count: int, rng: np.random.Generator) -> list[int]:
@@ -67,27 +72,27 @@ def cover(
     """
     positions_m = np.array([camera.position_m for camera in cameras])
     forward = np.array([camera.forward for camera in cameras])
-    seen = [_seen_from(camera, scene_depth_m) for camera in cameras]
+    numbers = np.stack([_seen_from(camera, scene_depth_m) for camera in cameras])
+    cells = np.unique(numbers, return_inverse=True)[1].reshape(numbers.shape)
+    new = np.ones(cells.max() + 1)
     worth = np.ones(len(cameras)) if worth is None else worth
-    known: set[int] = set()
     gap_m = np.full(len(cameras), np.inf)
     places: list[int] = []
     gaps_m: list[float] = []
     free = np.ones(len(cameras), dtype=bool)
     while len(places) < count:
-        new = np.array([np.mean([int(cell) not in known for cell in cells]) for cells in seen])
         finite_m = np.where(np.isfinite(gap_m), gap_m, 1.0)
         # What shows nothing new may still be the farthest from all others.
-        gain = finite_m * (0.1 + new) * (0.1 + worth)
+        gain = finite_m * (LEAST + new[cells].mean(axis=1)) * (LEAST + worth)
         place = int(np.argmax(np.where(free, gain, -1.0)))
         free[place] = False
         places.append(place)
         gaps_m.append(float(gap_m[place]))
-        known.update(seen[place].tolist())
+        new[cells[place]] = 0.0
         angle_rad = np.arccos(np.clip(forward @ forward[place], -1.0, 1.0))
         away_m = np.linalg.norm(positions_m - positions_m[place], axis=1)
         gap_m = np.minimum(gap_m, away_m + METRES_PER_RAD * scene_depth_m * angle_rad)
-    return Cover(tuple(places), tuple(gaps_m))
+    return Cover(tuple(places), tuple(gaps_m), float(gap_m.max()))
 
 
 def _seen_from(camera: Camera, scene_depth_m: float) -> Int64[np.ndarray, "points"]:

@@ -29,6 +29,7 @@ from peaking.rendering import Rendering
 from peaking.selection.mpi_files import MpiFiles
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, select_from
+from peaking.selection.sharpness import sharpness
 from peaking.timing import Stopwatch
 from peaking.view_builder import ViewBuilder
 from peaking.view_weights import Neighbour
@@ -88,6 +89,7 @@ class RecordedFrames:
         self._scratch = Scratch()
         self.frame = lru_cache(maxsize=MAX_FRAMES)(self._frame)
         self.mpi = lru_cache(maxsize=max_mpis)(self._mpi)
+        self.sharpness = lru_cache(maxsize=MAX_SHARES)(self._sharpness)
         self.peaked_share = lru_cache(maxsize=MAX_SHARES)(self._peaked_share)
 
     def __len__(self) -> int:
@@ -188,6 +190,9 @@ class RecordedFrames:
         rendering = self.render(views, frame.camera)
         return compare_with(self.options, rendering, frame.rgb).within(frame.mask).peaked_share
 
+    def _sharpness(self, index: int) -> float:
+        return sharpness(self.frame(index).rgb)
+
     def _frame(self, index: int) -> Frame:
         """Read a frame and make it small; its depth is left out, which would take the most room."""
         with self.stopwatch.stage("reading"):
@@ -224,6 +229,11 @@ class RecordedCandidate:
     def accepted(self) -> bool:
         """Whether it has depth, or none has and there are only poses to go by."""
         return self.frames.recording.has_depth[self.number] or not self.frames.with_depth
+
+    @property
+    def sharpness(self) -> float:
+        """How sharp it is at the working size."""
+        return self.frames.sharpness(self.number)
 
     def frame(self, pixels: int) -> Frame:
         """Return the picture and its camera with about so many pixels."""
