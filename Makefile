@@ -9,6 +9,9 @@ INSTALLED := .venv/.installed
 TORCH := .venv/.torch
 CLIENT := src/peaking/server/client/index.html
 CORES := $(shell nproc)
+KERNELS := .venv/.kernels
+# A worker of pytest for every core: what each computes in threads of its own would wait for the others.
+ONE_THREAD := NUMBA_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # Schemathesis gives the tests of all addresses one id, and of those pytest-xdist would run one.
 SHARED_IDS := tests/server/test_openapi.py
 # Modules that import PyTorch can be checked only where it is: in `make test`.
@@ -52,7 +55,7 @@ test: install torch  ## Pass all checks and tests, those in a real browser too
 	@scripts/install_browser
 	@$(MAKE) --no-print-directory --jobs $(CORES) --output-sync=recurse style types web-test api-test \
 	  docs release-check
-	@$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --ignore $(SHARED_IDS)
+	@$(ONE_THREAD) $(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --ignore $(SHARED_IDS)
 
 check: style  ## Check style and types, without PyTorch
 	@grep -rLE --include='*.py' '$(NEED_TORCH)' src tests examples | xargs $(BIN)/pyright
@@ -70,7 +73,14 @@ types: install torch
 web-test: install
 	@scripts/with_node npm --prefix web run --silent test
 
-api-test: install
+# Compiled once, while the other core checks style and types, and not by every worker.
+$(KERNELS): $(INSTALLED) $(CLIENT) $(shell find src -name '*_numba.py' -o -name '*_kernels.py')
+	@scripts/install_system_packages
+	@rm -rf out/kernels
+	@$(BIN)/peaking replay scenes/desk --max-frames 3 --out out/kernels >/dev/null 2>&1
+	@touch $@
+
+api-test: install $(KERNELS)
 	@$(BIN)/pytest $(SHARED_IDS)
 
 fix: install  ## Mend style where it can be done by itself
@@ -82,7 +92,7 @@ docs: install  ## Write the library's pages, from its docstrings, into out/docs
 	  peaking '!peaking.'
 	@echo "docs: out/docs/peaking.html"
 
-release-check: install  ## Build the release, install it without Node.js, and try it
+release-check: install $(KERNELS)  ## Build the release, install it without Node.js, and try it
 	@$(BIN)/python scripts/check_release.py
 
 bench: install  ## Time the stages (peers need PyTorch: make torch)

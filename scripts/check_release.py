@@ -5,7 +5,8 @@
 Source distribution, then a wheel from the source distribution alone, then a virtual environment
 with that wheel and what it depends on (at the locked versions), where no Node.js can be found.
 There, `peaking demo` has to answer the capture page with all its files, and `peaking replay` has
-to walk the sample scene. The web client must have been built (`make client`).
+to walk the sample scene, with the kernels that numba has compiled for this checkout. The web client
+must have been built (`make client`).
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ def main() -> None:
             (wheel,) = folder.glob("*.whl")
         with timed("clean environment"):
             programs = environment_with(wheel, folder)
+        lend_kernels(folder / "environment")
         with timed("peaking demo"):
             demo_answers(programs, folder)
         with timed("peaking replay"):
@@ -93,6 +95,21 @@ def environment_with(wheel: Path, folder: Path) -> Path:
     if shutil.which("node", path=str(programs)):
         raise ValueError("the environment is not clean: it has Node.js")
     return programs
+
+
+def lend_kernels(environment: Path) -> None:
+    """Give the installed package the machine code of this checkout: compiling it takes minutes.
+
+    numba takes it for files of the same time and size, and compiles anew what is not the same.
+    """
+    (installed,) = environment.glob("lib/python*/site-packages/peaking")
+    checkout = ROOT / "src" / "peaking"
+    for code in checkout.rglob("__pycache__/*.nb[ic]"):
+        folder = installed / code.parent.relative_to(checkout)
+        folder.mkdir(exist_ok=True)
+        shutil.copy2(code, folder)
+        source = Path(code.parent.parent.relative_to(checkout), code.name.split(".")[0] + ".py")
+        shutil.copystat(checkout / source, installed / source)
 
 
 def demo_answers(programs: Path, folder: Path) -> None:

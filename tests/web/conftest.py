@@ -17,9 +17,9 @@ from patience import PATIENCE_S
 ROOT = Path(__file__).parents[2]
 
 
-@contextmanager
-def opened_page(name: str, ready: str) -> Generator[Page, None, None]:
-    """Open a page of `web/tests/pages` in a browser; `ready` is what it puts into the window."""
+@pytest.fixture(scope="session")
+def pages() -> Generator[str, None, None]:
+    """The address of `web/tests/pages`, for all tests of a worker: vite translates them once."""
     command = [ROOT / "scripts" / "with_node", "vite", "--port", "0", "--host", "127.0.0.1"]
     vite = subprocess.Popen(
         command, cwd=ROOT / "web", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -32,19 +32,25 @@ def opened_page(name: str, ready: str) -> Generator[Page, None, None]:
             assert line, f"vite did not start: {said}"
             said += line
             address = re.search(r"http://127\.0\.0\.1:\d+", re.sub(r"\x1b\[[0-9;]*m", "", line))
-        with chromium() as browser:
-            page = browser.new_page()
-            page.set_default_timeout(1e3 * PATIENCE_S)
-            page.goto(f"{address.group()}/tests/pages/{name}.html", wait_until="commit")
-            page.wait_for_function(f"window.{ready} !== undefined")
-            yield page
+        yield f"{address.group()}/tests/pages"
     finally:
         vite.terminate()
         vite.wait(PATIENCE_S)
         vite.stdout.close()
 
 
+@contextmanager
+def opened_page(pages: str, name: str, ready: str) -> Generator[Page, None, None]:
+    """Open one of the pages in a browser; `ready` is what it puts into the window."""
+    with chromium() as browser:
+        page = browser.new_page()
+        page.set_default_timeout(1e3 * PATIENCE_S)
+        page.goto(f"{pages}/{name}.html", wait_until="commit")
+        page.wait_for_function(f"window.{ready} !== undefined")
+        yield page
+
+
 @pytest.fixture(scope="module")
-def page() -> Generator[Page, None, None]:
-    with opened_page("core", "core") as page:
+def page(pages: str) -> Generator[Page, None, None]:
+    with opened_page(pages, "core", "core") as page:
         yield page

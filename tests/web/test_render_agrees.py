@@ -48,8 +48,8 @@ DEPTH_WRONG = 0.005
 
 
 @pytest.fixture(scope="module")
-def page() -> Generator[Page, None, None]:
-    with opened_page("agreement", "renderFixture") as page:
+def page(pages: str) -> Generator[Page, None, None]:
+    with opened_page(pages, "agreement", "renderFixture") as page:
         yield page
 
 
