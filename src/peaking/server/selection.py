@@ -15,9 +15,9 @@ from peaking.light_field import LightField, Scratch
 from peaking.mpi import Mpi
 from peaking.mpi_file import read_mpi
 from peaking.options import Options
+from peaking.selection.blur import sharpness
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, create_policy
-from peaking.selection.sharpness import sharpness
 from peaking.server import wire
 from peaking.server.open_session import OpenSession
 from peaking.server.upload import BadUpload
@@ -142,7 +142,6 @@ class CapturedCandidate:
         """Whether it can be kept: all candidates have an MPI."""
         return True
 
-    @property
     def sharpness(self) -> float:
         """How sharp it is at the working size."""
         return self.views.sharpness(self.number)
