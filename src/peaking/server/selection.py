@@ -73,11 +73,18 @@ def select_captures(
         reasons |= dict.fromkeys(decision.dropped, f"dropped at view {candidate.number}")
     last = policy.finish()
     reasons |= dict.fromkeys(last.dropped, last.reason)
-    kept = set(policy.views)
+    kept, worth = set(policy.views), policy.worth
+    reasons |= {number: worth[number].why for number in kept if number in worth}
     return wire.Selection(
         policy=query.policy,
         captures=[
-            wire.CaptureDecision(c.capture_id, c.number, c.number in kept, reasons[c.number])
+            wire.CaptureDecision(
+                c.capture_id,
+                c.number,
+                c.number in kept,
+                reasons[c.number],
+                worth[c.number].psnr_db if c.number in kept and c.number in worth else None,
+            )
             for c in candidates
         ],
     )
