@@ -117,6 +117,31 @@ def test_the_session_can_be_named_and_taken_home(client: TestClient) -> None:
     assert client.get("/api/v1/sessions").json()[0]["captures"] == 1
 
 
+def test_a_session_is_listed_while_there_is_anything_in_it(client: TestClient) -> None:
+    def listed() -> list[dict[str, Any]]:
+        return client.get("/api/v1/sessions").json()
+
+    assert listed() == []
+    assert client.get(SESSION).status_code == 200  # it is there, and may be added to
+    for number in range(1, 7):
+        client.put(capture_path(number), content=upload(number))
+    (summary,) = listed()
+    assert summary["thumbnails"] == [capture_id(number) for number in (1, 3, 4, 6)]
+    for number in range(2, 7):
+        client.delete(capture_path(number))
+    (summary,) = listed()
+    assert (summary["captures"], summary["restorable"]) == (1, 5)
+    assert summary["thumbnails"] == [capture_id(1)]
+    client.delete(capture_path(1))
+    (summary,) = listed()  # all were taken back, and can be brought back
+    assert (summary["captures"], summary["restorable"], summary["thumbnails"]) == (0, 6, [])
+    client.patch(SESSION, json={"finished": True})
+    assert listed() == []
+    client.put(capture_path(7), content=upload(7))
+    assert len(listed()) == 1
+    wait_until_made(client, 7)
+
+
 def test_peaked_shares_are_kept(client: TestClient) -> None:
     pose = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]
     shares = {"peaked_share": 0.2, "wrong_share": 0.1, "unseen_share": 0.1, "unfixable_share": 0.05}

@@ -305,10 +305,45 @@ def test_strangers_that_do_not_get_through_with_tls_lock_nobody_out(tmp_path: Pa
         idle = [connect(port, b"\x16\x03\x01\x02"[: n % 5]) for n in range(40)]
         assert greets(port, trusts)
         assert [heard(connection) for connection in idle[:30]] == [b""] * 30
-        assert b"HTTP" not in heard(connect(port, b"GET / HTTP/1.1\r\n\r\n"))
         assert greets(port, trusts)
         for connection in idle:
             connection.close()
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        (b"GET / HTTP/1.1\r\nHost: 192.168.1.5:8443", b"location: https://192.168.1.5:8443/\r\n"),
+        (b"GET /a%20b?c=%23&d HTTP/1.1\r\nHost: [::1]:9", b"location: https://[::1]:9/a%20b?c=%23&d\r\n"),
+        (b"PUT //x/ HTTP/1.1\r\nContent-Length: 5\r\nHost: a.local", b"location: https://a.local//x/\r\n"),
+        (b"GET / HTTP/1.1\r\nHost: a/b@c", b"HTTP/1.1 400"),
+        (b"GET / HTTP/1.1", b"HTTP/1.1 400"),
+        (b"what is this?", b"HTTP/1.1 400"),
+    ],
+)  # fmt: skip
+def test_plain_http_is_sent_on_to_https(tmp_path: Path, asked: bytes, expected: bytes) -> None:
+    context = ServerCertificate(open_authority(tmp_path)).context
+    trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking-ca.pem"))
+    greeting = Greeting()
+    with limited_server(greeting, PATIENT, context=context) as port:
+        for byte_by_byte in (False, True):
+            connection = connect(port)
+            whole = asked + b"\r\nConnection: close\r\n\r\n"
+            for part in [whole[i : i + 1] for i in range(len(whole))] if byte_by_byte else [whole]:
+                with contextlib.suppress(OSError):  # it was answered before all was sent
+                    connection.sendall(part)
+            answer = heard(connection)
+            assert expected in answer
+            assert (b" 307 " in answer) == (b" 400" not in expected)
+        assert greeting.ranges == []  # nothing of it came to what is served
+        assert greets(port, trusts)
+
+
+def test_who_says_nothing_to_a_port_of_https_is_hung_up_on(tmp_path: Path) -> None:
+    context = ServerCertificate(open_authority(tmp_path)).context
+    limits = replace(PATIENT, opening_s=0.1)
+    with limited_server(Greeting(), limits, context=context) as port:
+        assert heard(connect(port)) == b""
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,15 @@ def test_serve_prints_a_link_that_works_over_https(tmp_path: Path) -> None:
         assert "▀" in said or "█" in said  # the code to scan
         found = re.search(r"https://(\S+):(\d+)/#code=(\S{20,})", said)
         assert found, said
+        address = f"https://{found[1]}:{found[2]}/"
+        assert re.search(rf"Capture page: +{re.escape(address)} ", said)
+        assert re.search(rf"List of sessions: +{re.escape(address)}sessions\n", said)
+        plain = http.client.HTTPConnection("localhost", int(found[2]))
+        plain.request("GET", "/sessions?a=b")
+        sent_on = plain.getresponse()
+        https = f"https://localhost:{found[2]}/sessions?a=b"
+        assert (sent_on.status, sent_on.headers["location"]) == (307, https)
+        plain.close()
         trusts = ssl.create_default_context(cafile=str(tmp_path / "peaking" / "peaking-ca.pem"))
         connection = http.client.HTTPSConnection("localhost", int(found[2]), context=trusts)
         connection.request("GET", "/api/v1/server")

@@ -139,7 +139,7 @@ def test_head_of_what_has_no_end_ends(tmp_path: Path, path: str) -> None:
         client.put(SESSION, json=new_session())
         answer = client.head(path)
         assert (answer.status_code, answer.content) == (200, b"")
-        assert not client.get("/api/v1/sessions").json()[0]["live"]
+        assert not client.get(SESSION).json()["summary"]["live"]
 
 
 def test_ctrl_c_with_streams_that_nobody_reads_is_quiet(tmp_path: Path) -> None:

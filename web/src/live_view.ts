@@ -131,7 +131,7 @@ export class LiveView implements Disposable {
       frame_ms: this.governor?.frame_ms ?? null,
       allowance: this.#allowance,
       pixels: targets === null ? 0 : targets.view.width * targets.view.height,
-      filling: targets === null ? 0 : targets.filling.filter(({ mpi }) => mpi !== null).length,
+      filling: targets === null ? 0 : targets.filledFrom.filter((mpi) => mpi !== null).length,
     };
   }
 

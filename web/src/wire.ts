@@ -75,7 +75,7 @@ export interface CaptureChange {
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
 export interface SelectionQuery {
-  readonly policy?: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly policy?: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly views?: number | null;
   readonly threshold_share?: number;
   readonly spacing_m?: number | null;
@@ -92,7 +92,7 @@ export interface CaptureDecision {
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
-  readonly policy: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
 }
 
@@ -126,6 +126,8 @@ export interface SessionSummary {
   readonly live: boolean;
   readonly deleted_s?: number | null;
   readonly damaged?: number;
+  readonly restorable?: number;
+  readonly thumbnails?: readonly string[];
 }
 
 /** A session with all its captures in order, removed ones too. */
@@ -319,6 +321,8 @@ export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ reco
   live: flag,
   deleted_s: optional(nullable(number())),
   damaged: optional(integer()),
+  restorable: optional(integer()),
+  thumbnails: optional(list(text)),
 });
 
 export const sessionSchema: Schema<Session> = /* @__PURE__ */ record<Session>({

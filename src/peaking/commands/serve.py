@@ -101,6 +101,8 @@ class Serve:
                     "To avoid the warning, copy this file to the phone and install it as a CA",
                     f"certificate:  {config_folder() / 'peaking-ca.pem'}",
                 )
+            say(f"Capture page:        {pages[0]}  (this and the list: on devices that are paired)")
+            say(f"List of sessions:    {pages[0]}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
             say("Stop with Ctrl-C.")
             reachable.set()

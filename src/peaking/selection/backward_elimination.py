@@ -23,6 +23,7 @@ from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import Options
 from peaking.selection.policy import ALONE, WRONG, Candidate, CurvePoint, Decision, Worth
+from peaking.selection.sharpness import Sharpnesses
 from peaking.selection.shown_errors import Blend, ShownErrors
 from peaking.view_weights import (
     CLOSE_M,
@@ -114,6 +115,7 @@ class BackwardElimination:
             options.opacity, max_photos=self._most_seen + 1, max_views=options.neighbours
         )
         self._seen = _SeenFrames(self._most_seen + 1)
+        self._sharp = Sharpnesses()
         self._error: dict[int, float] = {}
         self._unseen: dict[int, float] = {}
         self._shown_by: dict[int, frozenset[int]] = {}
@@ -183,6 +185,7 @@ class BackwardElimination:
         depth_m = float(np.median(candidate.mpi(self._pixels).plane_depths_m))
         self._shown.add_photo(number, frame)
         self._seen.add(number, frame.camera, depth_m)
+        self._sharp.add(number, frame.camera, candidate.sharpness)
         self._shown_by[number] = frozenset()
         return self._forget() if len(self._seen) > self._most_seen else set()
 
@@ -190,6 +193,7 @@ class BackwardElimination:
         """Forget the frame seen that is closest in time to others; return which views showed it."""
         gone = self._seen.remove_closest()
         self._shown.remove_photo(gone)
+        self._sharp.remove(gone)
         del self._error[gone], self._unseen[gone]
         views = set(self._shown_by.pop(gone))
         for i in views:
@@ -203,8 +207,14 @@ class BackwardElimination:
         self._shows[number] = set()
 
     def _drop(self) -> int:
-        """Give up the view that is least missed; return its number."""
-        least = min(self._seen.held, key=lambda i: self._loss[i].missed)
+        """Give up the view that is least missed; return its number.
+
+        What is missed of a view counts as much as it is sharp: of two that show the same, the
+        sharper one stays.
+        """
+        held = self._seen.held
+        missed = np.array([self._loss[i].missed for i in held])
+        least = held[int(np.argmin(np.where(missed > 0, missed * self._sharp.worth(held), missed)))]
         self._seen.release(least)
         del self._loss[least]
         self._look_again(sorted(self._shows[least]), also=set())

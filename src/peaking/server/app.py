@@ -412,7 +412,8 @@ class _Handlers:
             self.queue.put(session, capture_id)
 
     def _list(self) -> wire.SessionList:
-        sessions = [self._summary(session) for session in self.store.all_sessions()]
+        found = map(self._summary, self.store.all_sessions())
+        sessions = [summary for summary in found if not summary.is_empty]
         problems = [without_paths(problem, self.store.root) for problem in self.store.problems]
         return wire.SessionList(sessions, problems)
 
@@ -429,7 +430,8 @@ class _Handlers:
         return session.session(live=self.hub.is_live(session.id))
 
     def _summaries(self) -> list[wire.SessionSummary]:
-        return [self._summary(session) for session in self.store.sessions()]
+        found = map(self._summary, self.store.sessions())
+        return [summary for summary in found if not summary.is_empty]
 
     def _summary(self, session: OpenSession) -> wire.SessionSummary:
         return session.summary(live=self.hub.is_live(session.id))

@@ -164,6 +164,8 @@ class OpenSession:
             live=live,
             deleted_s=self.deleted_s,
             damaged=len(self.problems),
+            restorable=sum(capture.restorable for capture in self.captures),
+            thumbnails=[capture.id for capture in _spread(kept, wire.MAX_THUMBNAILS)],
         )
 
     def session(self, *, live: bool = False) -> wire.Session:
@@ -550,6 +552,16 @@ class OpenSession:
             if capture.id not in self._entries:
                 self._entries[capture.id] = frame_json(capture, self._state.files(capture))
         return transforms_json(self._entries[capture.id] for capture in kept)
+
+
+def _spread(captures: Sequence[wire.Capture], count: int) -> list[wire.Capture]:
+    """Return so many of them, or all, from the first to the last."""
+    last = len(captures) - 1
+    return [
+        captures[i]
+        for i in sorted({round(k * last / (count - 1)) for k in range(count)})
+        if captures
+    ]
 
 
 def _why_not_restorable(capture: wire.Capture) -> str:

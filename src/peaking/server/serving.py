@@ -28,6 +28,7 @@ from peaking.server.connections import (
 )
 from peaking.server.events import Hub
 from peaking.server.http_connection import HttpConnection
+from peaking.server.plain_http import begins_tls, send_to_https
 from peaking.server.sessions import SessionStore
 from peaking.server.warm_up import WarmUp
 from peaking.terminal import LOGGING
@@ -129,7 +130,8 @@ class Server(uvicorn.Server):
     """Accepts connections one by one, within limits, and ends them quietly.
 
     asyncio's own server knows of a connection only when TLS has been agreed on; thousands that
-    never get there would use up the files that this process may open.
+    never get there would use up the files that this process may open. Whoever speaks plain http to
+    a port of https is sent on.
     """
 
     def __init__(
@@ -142,20 +144,10 @@ class Server(uvicorn.Server):
         limits: ConnectionLimits | None = None,
     ) -> None:
         """Take what is served; see `run`. By default the limits are those of this process."""
-        config = uvicorn.Config(
-            BoundedAnswers(app),
-            http="httptools",
-            ws="none",
-            log_config=LOGGING,
-            log_level="warning",
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,  # who is on this machine could name any address
-            timeout_keep_alive=IDLE_S,
-        )
-        config.load()
+        config = _config(BoundedAnswers(app))
         super().__init__(config)
         self._context = context
+        self._of_plain_http = config if context is None else _config(send_to_https)
         self._when_started = started
         self._when_stopping = stopping
         self._connections = Connections(limits or limits_of_this_process())
@@ -229,14 +221,17 @@ class Server(uvicorn.Server):
             return HttpConnection(
                 connection,
                 self._connections,
-                config=self.config,
+                config=self._of_plain_http if context is None else self.config,
                 server_state=self.server_state,
                 app_state=self.lifespan.state,
             )
 
+        context = self._context
         try:
             self._connections.admit(connection)
-            await loop.connect_accepted_socket(protocol, accepted, ssl=self._context)
+            if context is not None and not await begins_tls(accepted):
+                context = None
+            await loop.connect_accepted_socket(protocol, accepted, ssl=context)
         except OSError:  # no TLS was agreed on, or the caller has gone
             self._connections.remove(connection)
         except Exception:
@@ -260,6 +255,22 @@ class Server(uvicorn.Server):
             if not state.connections and not state.tasks:
                 return
             await asyncio.sleep(pause_s)
+
+
+def _config(app: ASGIApp) -> uvicorn.Config:
+    config = uvicorn.Config(
+        app,
+        http="httptools",
+        ws="none",
+        log_config=LOGGING,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,  # who is on this machine could name any address
+        timeout_keep_alive=IDLE_S,
+    )
+    config.load()
+    return config
 
 
 def _keep_little_unsent(accepted: socket.socket) -> None:

@@ -38,6 +38,9 @@ Metres = Annotated[float, Meta(ge=-1e8, le=1e8)]
 MAX_POINTS = 20_000
 """Tracked points that come with one capture; WebXR gives none."""
 
+MAX_THUMBNAILS = 4
+"""Of a session in the list of sessions."""
+
 PING_S = 10.0
 """A stream of events says something at least this often."""
 
@@ -239,6 +242,15 @@ class SessionSummary(Struct, frozen=True):
     """When it was deleted; it can be restored for 30 days."""
     damaged: int = 0
     """Records and samples on the server's disk that cannot be read and were left out."""
+    restorable: int = 0
+    """Removed captures that can be brought back."""
+    thumbnails: list[Id] = []
+    """Of at most `MAX_THUMBNAILS` captures, first to last, whose thumbnails stand for it."""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing in it: such sessions are in no list."""
+        return self.captures + self.restorable + self.damaged == 0
 
 
 class Session(Struct, frozen=True):
@@ -452,7 +464,7 @@ class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
     sessions: list[SessionSummary]
-    """Deleted ones too, while they can be restored."""
+    """Deleted ones too, while they can be restored; none in which there is nothing."""
     problems: list[str] = []
     """A sentence for each session that cannot be opened."""
 

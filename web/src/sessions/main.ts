@@ -1,7 +1,7 @@
 /** The dashboard: /sessions, and /sessions#ID for one of them. */
 
 import { Api, ApiError } from '../server/api';
-import { serverEvents, sessionEvents } from '../server/events';
+import { serverEvents, sessionEvents, type Connection } from '../server/events';
 import { make } from '../ui/dom';
 import { PAPER_PERCENT, percent } from '../ui/share_graph';
 import { viewsText } from '../ui/words';
@@ -21,15 +21,19 @@ const summaries = new Map<string, SessionSummary>();
 let damaged: readonly string[] = [];
 let shown: { id: string; session: Session; samples: readonly PeakedSample[] } | null = null;
 let watching = new AbortController();
+/** How far the list was scrolled when a session was chosen. */
+let listAt_px = 0;
 
 async function main(): Promise<void> {
   await api.pairFromHash();
-  void serverEvents(api, {
-    onEvent: heard,
-    onConnection: (_, refusal) => { if (refusal !== null) fail(refusal.problem); },
-  }, new AbortController().signal);
+  void serverEvents(api, { onEvent: heard, onConnection: connected }, new AbortController().signal);
   window.addEventListener('hashchange', () => void open(location.hash.slice(1)));
   setInterval(() => void refreshSamples(), CHARTS_EVERY_MS);
+}
+
+function connected(connection: Connection, refusal: ApiError | null): void {
+  if (refusal !== null) say(refusal.problem);
+  else if (connection === 'online') say('');
 }
 
 function heard(event: ServerEvent): void {
@@ -38,7 +42,7 @@ function heard(event: ServerEvent): void {
       summaries.clear();
       for (const summary of event.sessions) summaries.set(summary.id, summary);
       damaged = event.problems ?? [];
-      if (shown === null) void open(location.hash.slice(1) || (newest()[0]?.id ?? ''));
+      if (shown === null) void open(location.hash.slice(1));
       break;
     case 'SessionChanged': summaries.set(event.summary.id, event.summary); break;
     default: event satisfies never;
@@ -47,60 +51,123 @@ function heard(event: ServerEvent): void {
 }
 
 function newest(): SessionSummary[] {
-  return Array.from(summaries.values()).filter((summary) => !isDeleted(summary))
+  return Array.from(summaries.values()).filter((summary) => !isDeleted(summary) && !isEmpty(summary))
     .sort((a, b) => Number(b.live) - Number(a.live) || b.created_s - a.created_s);
 }
 
 function drawList(): void {
-  const items = newest().map((summary) => {
-    const item = make('button', { type: 'button', onclick: () => { location.hash = summary.id; } },
-      make('b', { className: summary.live ? 'live' : '' }, summary.name),
-      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · ${percent(summary.peaked_share)} marked · `
-        + whenOf(summary)));
-    item.setAttribute('aria-current', String(summary.id === shown?.id));
-    return item;
-  });
+  const items = newest();
+  const gone = Array.from(summaries.values())
+    .filter((summary) => isDeleted(summary) && !isEmpty(summary));
   const empty = make('p', { className: 'quiet' }, 'No sessions yet. Open the capture page on a phone '
-    + 'with the link that the server printed, or try the virtual phone.');
-  elementOf('list').replaceChildren(...(items.length > 0 ? items : [empty]), ...deletedOnes(),
-    ...damaged.map((problem) => make('p', { className: 'quiet problem' }, problem)));
+    + 'with the link that the server printed, or try the virtual phone. A session is listed here '
+    + 'when it has a view.');
+  elementOf('sessions').classList.toggle('none', items.length + gone.length === 0);
+  drawnAnew('list', [
+    ...(items.length > 0 ? items.map((summary) => listed('item', summary, itemOf))
+      : [kept('empty', () => empty)]),
+    ...(gone.length === 0 ? []
+      : [kept('deleted', () => make('h2', { className: 'quiet' }, 'Deleted'))]),
+    ...gone.map((summary) => listed('deleted', summary, deletedOf)),
+    ...damaged.map((problem) =>
+      kept(`problem ${problem}`, () => make('p', { className: 'quiet problem' }, problem))),
+  ]);
 }
 
-/** Sessions that were deleted: for some time they can be restored, or erased at once. */
-function deletedOnes(): HTMLElement[] {
-  const gone = Array.from(summaries.values()).filter(isDeleted);
-  if (gone.length === 0) return [];
-  const items = gone.map((summary) => {
-    const restore = button('Restore', () =>
-      void api.changeSession(summary.id, { deleted: false }).catch(failed));
-    const erase = button('Erase for good', () => {
-      if (!confirm(`Erase "${summary.name}" with all its photos, for good?`)) return;
-      void api.eraseSession(summary.id).then(() => {
-        summaries.delete(summary.id);
-        drawList();
-      }, failed);
-    });
-    const passed = Date.now() / 1000 - (summary.deleted_s ?? 0);
-    const days = Math.max(0, Math.ceil(RESTORABLE_DAYS - passed / DAY_S));
-    return make('div', { className: 'deleted' }, make('b', {}, summary.name),
-      make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · erased in ${days} days`),
-      make('div', { className: 'row' }, restore, erase));
+/** What the list shows, by what it was made from: an element that stays keeps its focus. */
+let elements = new Map<string, HTMLElement>();
+let drawn = new Map<string, HTMLElement>();
+
+function kept(key: string, made: () => HTMLElement): HTMLElement {
+  const element = elements.get(key) ?? made();
+  drawn.set(key, element);
+  return element;
+}
+
+function listed(
+  kind: string, summary: SessionSummary, made: (summary: SessionSummary) => HTMLElement,
+): HTMLElement {
+  const current = summary.id === shown?.id;
+  const share = percent(summary.peaked_share);
+  return kept(JSON.stringify([kind, { ...summary, peaked_share: share }, current]), () => made(summary));
+}
+
+function drawnAnew(id: string, children: readonly HTMLElement[]): void {
+  const parent = elementOf(id);
+  elements = drawn;
+  drawn = new Map();
+  const same = children.length === parent.childNodes.length
+    && children.every((child, i) => child === parent.childNodes[i]);
+  if (!same) parent.replaceChildren(...children);
+}
+
+function itemOf(summary: SessionSummary): HTMLElement {
+  const { id, name, live, captures, restorable = 0 } = summary;
+  const marked = summary.peaked_share === null ? '' : ` · ${percent(summary.peaked_share)} marked`;
+  const what = captures > 0 ? `${viewsText(captures)}${marked}`
+    : restorable > 0 ? `${viewsText(restorable)} taken back` : 'no view that can be read';
+  const item = make('button', { type: 'button', onclick: () => { location.hash = id; } },
+    make('b', { className: live ? 'live' : '' }, name),
+    make('span', { className: 'quiet' }, `${what} · ${whenOf(summary)}`),
+    thumbnailsOf(summary));
+  item.setAttribute('aria-current', String(id === shown?.id));
+  return item;
+}
+
+function thumbnailsOf({ id, thumbnails = [] }: SessionSummary): HTMLElement {
+  return make('span', { className: 'thumbnails' }, ...thumbnails.map((capture) =>
+    make('img', { src: api.thumbnailUrl(id, capture), alt: '', loading: 'lazy' })));
+}
+
+/** A session that was deleted: for some time it can be restored, or erased at once. */
+function deletedOf(summary: SessionSummary): HTMLElement {
+  const restore = button('Restore', () =>
+    void api.changeSession(summary.id, { deleted: false }).catch(failed));
+  const erase = button('Erase for good', () => {
+    if (!confirm(`Erase "${summary.name}" with all its photos, for good?`)) return;
+    void api.eraseSession(summary.id).then(() => {
+      summaries.delete(summary.id);
+      drawList();
+    }, failed);
   });
-  return [make('h2', { className: 'quiet' }, 'Deleted'), ...items];
+  const passed = Date.now() / 1000 - (summary.deleted_s ?? 0);
+  const days = Math.max(0, Math.ceil(RESTORABLE_DAYS - passed / DAY_S));
+  return make('div', { className: 'deleted' }, make('b', {}, summary.name),
+    make('span', { className: 'quiet' }, `${viewsText(summary.captures)} · erased in ${days} days`),
+    make('div', { className: 'row' }, restore, erase));
 }
 
 function isDeleted({ deleted_s }: SessionSummary): boolean {
   return deleted_s != null;
 }
 
-async function open(id: string): Promise<void> {
+/** Such sessions begin whenever a capture page is opened; nobody misses them. */
+function isEmpty({ captures, restorable = 0, damaged: lost = 0 }: SessionSummary): boolean {
+  return captures + restorable + lost === 0;
+}
+
+/**
+ * Show a session. Where there is room for list and session, the newest is shown while nobody has
+ * chosen one; a phone shows the list then.
+ */
+async function open(chosen: string): Promise<void> {
+  const page = elementOf('sessions');
+  if (page.classList.toggle('chosen', chosen !== '')) {
+    listAt_px = scrollY;
+    scrollTo(0, 0);
+  } else {
+    scrollTo(0, listAt_px);
+  }
+  const id = chosen || (newest()[0]?.id ?? '');
+  if (id === shown?.id) return;
   watching.abort();
+  shown = null;
+  elementOf('detail').replaceChildren();
+  say('');
   if (id === '') return;
   watching = new AbortController();
-  shown = null;
   await sessionEvents(api, id, {
-    onEvent: (event) => follow(id, event),
-    onConnection: (_, refusal) => { if (refusal !== null) fail(refusal.problem); },
+    onEvent: (event) => follow(id, event), onConnection: connected,
   }, watching.signal, { role: 'watch' });
 }
 
@@ -111,7 +178,7 @@ function button(text: string, onclick: () => void): HTMLButtonElement {
 function follow(id: string, event: SessionEvent): void {
   switch (event.type) {
     case 'SessionState':
-      shown = { id, session: event.session, samples: [] };
+      shown = { id, session: event.session, samples: shown?.id === id ? shown.samples : [] };
       void refreshSamples();
       break;
     case 'CaptureChanged': {
@@ -124,9 +191,9 @@ function follow(id: string, event: SessionEvent): void {
     case 'SessionChanged':
       if (shown === null) return;
       if (isDeleted(event.summary)) {
-        watching.abort();
-        shown = null;
-        fail('The session was deleted. It can be restored from the list.');
+        summaries.set(id, event.summary);
+        if (location.hash === '') void open('');
+        else location.hash = '';
         return drawList();
       }
       shown = { ...shown, session: { ...shown.session, summary: event.summary } };
@@ -146,10 +213,15 @@ async function refreshSamples(): Promise<void> {
   drawCharts();
 }
 
+/** Anew only when it has changed: who is about to press a button presses this one. */
 function drawDetail(): void {
   if (shown === null) return;
   const { id, session } = shown;
   const { summary, captures } = session;
+  const key = JSON.stringify([{ ...summary, peaked_share: null, live: false }, captures]);
+  const detail = elementOf('detail');
+  if (detail.dataset['drawn'] === key && detail.childElementCount > 0) return;
+  detail.dataset['drawn'] = key;
   const rename = button('Rename', () => {
     const name = prompt('Session name', summary.name)?.trim();
     if (name !== undefined && name !== '') void api.changeSession(id, { name }).catch(failed);
@@ -168,7 +240,8 @@ function drawDetail(): void {
   const undone = captures.filter(({ restorable }) => restorable === true).map((capture) =>
     button(`Bring back view ${capture.number}`, () =>
       void api.restoreCapture(id, capture.id).catch(failed)));
-  elementOf('detail').replaceChildren(
+  detail.replaceChildren(
+    make('a', { className: 'button back', href: '#' }, 'All sessions'),
     make('h1', {}, summary.name),
     make('div', { className: 'quiet' }, `${viewsText(summary.captures)}, ${summary.ready} ready`
       + `${summary.finished ? ', finished' : ''} · folder ${summary.folder}`),
@@ -181,7 +254,7 @@ function drawDetail(): void {
       + 'session are damaged on the disk and were left out. The server names them when it starts.')] : []),
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'Seen from above'), make('div', { id: 'above' })),
-      make('div', { className: 'card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
+      make('div', { className: 'card', id: 'shares-card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
         make('div', { id: 'shares' }))),
     make('div', { className: 'photos' }, ...photos),
     ...(undone.length > 0 ? [make('h2', { className: 'quiet' }, 'Taken back'),
@@ -199,15 +272,17 @@ function drawCharts(): void {
   const { session, samples } = shown;
   // Only numbers go into these pictures, so they are safe as markup.
   elementOf('above').innerHTML = drawTopView(topViewOf(session.captures, samples));
+  elementOf('shares-card').hidden = samples.length === 0;
   elementOf('shares').innerHTML = drawShares(samples, session.captures);
 }
 
 function failed(error: unknown): void {
-  fail(error instanceof ApiError ? error.problem : String(error));
+  say(error instanceof ApiError ? error.problem : String(error));
 }
 
-function fail(problem: string): void {
-  elementOf('detail').replaceChildren(make('p', {}, problem));
+function say(problem: string): void {
+  elementOf('problem').hidden = problem === '';
+  elementOf('problem').textContent = problem;
 }
 
 function elementOf(id: string): HTMLElement {

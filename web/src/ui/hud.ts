@@ -224,15 +224,27 @@ export class Hud {
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, viewsText(views.length));
-    this.#strip.replaceChildren(...views.map((view, i) => {
-      const thumb = make('button', {
-        className: `thumb ${view.state}`, type: 'button', onclick: () => this.#open('views'),
-      }, make('img', { src: view.thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
-      thumb.ariaLabel = `View ${i + 1}: ${VIEW_STATES[view.state]}`;
-      return thumb;
-    }));
-    this.#strip.scrollLeft = this.#strip.scrollWidth;
+    this.#showStrip(views);
     this.#sheet?.update?.(views, restorable);
+  }
+
+  /** Of a long session nearly all is there already. */
+  #showStrip(views: readonly CapturedView[]): void {
+    const strip = this.#strip;
+    views.forEach(({ state, thumbnailUrl }, i) => {
+      const key = `${state} ${thumbnailUrl}`;
+      const before = strip.children[i];
+      if (before instanceof HTMLElement && before.dataset['view'] === key) return;
+      const thumb = make('button', {
+        className: `thumb ${state}`, type: 'button', onclick: () => this.#open('views'),
+      }, make('img', { src: thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
+      thumb.ariaLabel = `View ${i + 1}: ${VIEW_STATES[state]}`;
+      thumb.dataset['view'] = key;
+      if (before === undefined) strip.append(thumb);
+      else before.replaceWith(thumb);
+    });
+    while (strip.children.length > views.length) strip.lastElementChild?.remove();
+    strip.scrollLeft = strip.scrollWidth;
   }
 
   #showCoach(state: HudState): void {
