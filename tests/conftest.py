@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
 KERNELS = ("_numba", "_kernels")
@@ -20,7 +20,13 @@ def _should_instrument(name: str) -> bool:
 
 _hook.should_instrument = _should_instrument
 
-settings.register_profile("peaking", deadline=None, report_multiple_bugs=False, derandomize=True)
+settings.register_profile(
+    "peaking",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],  # that depends on what else the machine does
+    report_multiple_bugs=False,
+    derandomize=True,
+)
 settings.load_profile("peaking")
 
 

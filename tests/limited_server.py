@@ -10,10 +10,9 @@ from collections.abc import Generator
 
 from starlette.types import ASGIApp
 
+from patience import PATIENCE_S
 from peaking.server.connections import ConnectionLimits
 from peaking.server.serving import Server, bind
-
-PATIENCE_S = 20.0
 
 
 @contextlib.contextmanager

@@ -17,6 +17,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
+from patience import PATIENCE_S
+
 CLIENT = Path(__file__).parents[1] / "src" / "peaking" / "server" / "client" / "index.html"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PEAKING = "from peaking.cli import main; main()"
@@ -67,6 +69,7 @@ class LiveServer:
     port: int = 0
     wrapped_in: Sequence[str] = ()
     """A command that runs the server's command, such as one that mounts something for it."""
+    program: str = PEAKING
     said: list[str] = field(default_factory=list[str])
     address: str = ""
 
@@ -77,7 +80,7 @@ class LiveServer:
         folder = ["--sessions"] if self.command[0] == "demo" else []
         arguments = [*self.command, "--port", str(self.port), *folder, str(self.sessions)]
         self.process = subprocess.Popen(
-            [*self.wrapped_in, sys.executable, "-c", PEAKING, *arguments],
+            [*self.wrapped_in, sys.executable, "-c", self.program, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -93,25 +96,25 @@ class LiveServer:
                 self._drainer = threading.Thread(target=self._drain, daemon=True)
                 self._drainer.start()
                 return self
-        self.process.wait(120)
+        self.process.wait(PATIENCE_S)
         pytest.fail(f"the server did not start: {''.join(self.said)}")
 
     def kill(self) -> None:
         """End it as a power cut would."""
         self.process.send_signal(signal.SIGKILL)
-        self.process.wait(120)
-        self._drainer.join(120)
+        self.process.wait(PATIENCE_S)
+        self._drainer.join(PATIENCE_S)
 
     def stop(self) -> None:
         """End it as Ctrl-C does."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
             try:
-                self.process.wait(120)
+                self.process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
-                self.process.wait(120)
-        self._drainer.join(120)
+                self.process.wait(PATIENCE_S)
+        self._drainer.join(PATIENCE_S)
 
     def _drain(self) -> None:
         assert self.process.stdout is not None

@@ -26,6 +26,7 @@ from corpus.write import (
     means_of,
     upload,
 )
+from patience import PATIENCE_S
 from peaking.cli import main
 from peaking.datasets import open_recording
 from peaking.mpi_file import decode
@@ -75,7 +76,7 @@ def client_of(root: Path) -> TestClient:
 
 def capture_of(client: TestClient, session: str, number: int) -> dict[str, Any]:
     """Return a capture when its MPI is made, or could not be."""
-    until = time.monotonic() + 90
+    until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until:
         captures = client.get(f"{SESSIONS}/{session}").json()["captures"]
         (capture,) = [one for one in captures if one["id"] == capture_id(number)]

@@ -49,6 +49,7 @@ ORDER = [
     "selection",
     "guidance",
     "replay",
+    "best_frames",
     "splat",
     "experiments",
     "study",

@@ -31,6 +31,7 @@ from foreign_pictures import (
     with_scans,
     with_size,
 )
+from patience import PATIENCE_S
 from peaking.datasets.stored_images import depth_size_px, picture_size_px, read_depth, read_picture
 from peaking.errors import RecordingError
 from peaking.limits import MAX_PIXELS, MAX_SCANS
@@ -233,7 +234,7 @@ def test_no_bomb_takes_much_memory(tmp_path: Path) -> None:
                 print(error.problem)
     """
     command = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     said = done.stdout.splitlines()
     assert len(said) == len(COSTLY)
     assert not [line for line in said if "memory" in line]

@@ -122,7 +122,7 @@ def test_clouds_that_are_too_large_are_refused(tmp_path: Path) -> None:
             read_points(path)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.integers(1, 40), st.integers(1, 9), st.integers(8, 64), st.sampled_from(["<", ""]))
 def test_blocks_leave_no_seams(
     tmp_path: Path, count: int, most: int, block_bytes: int, order: str
@@ -250,7 +250,7 @@ def test_a_cloud_that_is_none_is_found_when_the_recording_is_opened(folder: Path
         open_recording(folder)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.sampled_from("<>a"), st.integers(0, 400), st.binary(min_size=1, max_size=8))
 def test_any_damage_is_points_or_a_sentence(
     tmp_path: Path, order: str, at: int, damage: bytes

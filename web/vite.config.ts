@@ -21,5 +21,6 @@ export default defineConfig({
     },
   },
   worker: { format: 'es' },
-  test: { include: ['tests/**/*.test.ts'] },
+  // A machine may have much else to do.
+  test: { include: ['tests/**/*.test.ts'], testTimeout: 600_000, hookTimeout: 600_000 },
 } as Parameters<typeof defineConfig>[0]);

@@ -26,6 +26,7 @@ from peaking.commands import (
     quality,
     render,
     replay,
+    select,
     serve,
     splat,
     study,
@@ -43,6 +44,7 @@ Examples:
   peaking study init study
   peaking replay scenes/desk --out out/desk
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
+  peaking select scenes/desk --views 12 --out out/best
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
@@ -73,6 +75,7 @@ COMMANDS: dict[str, type[Command]] = {
     "devices": devices.ListDevices,
     "study": study.Study,
     "replay": replay.Replay,
+    "select": select.Select,
     "plan": plan.Plan,
     "generate": generate.Generate,
     "render": render.Render,

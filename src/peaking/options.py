@@ -27,7 +27,18 @@ Opacity = Literal["paper", "seen"]
 Marks = Literal["paper", "apart"]
 Device = Literal["auto", "cpu", "cuda"]
 Precision = Literal["float32", "bfloat16", "float16"]
-PolicyName = Literal["peaking", "threshold", "uniform", "farthest", "plenoptic", "random", "all"]
+PolicyName = Literal[
+    "peaking",
+    "threshold",
+    "uniform",
+    "every-nth",
+    "sharpest",
+    "farthest",
+    "coverage",
+    "plenoptic",
+    "random",
+    "all",
+]
 """Of view selection; `selection/registry.py` says what they are."""
 POLICY_NAMES: tuple[PolicyName, ...] = get_args(PolicyName)
 DepthRuntime = Literal["pytorch", "openvino", "openvino-bf16"]

@@ -94,6 +94,22 @@ def replaced(path: Path) -> Generator[Path, None, None]:
             raise
 
 
+def check_folder(folder: Path) -> None:
+    """Refuse a file, and what would lie below one, as a folder to write into; makes nothing.
+
+    Raises:
+        OutputError: It is such a place, or cannot be looked at.
+    """
+    with _explained(folder, folder):
+        if folder.is_dir():
+            return
+        if os.path.lexists(folder):
+            raise OutputError(f"{folder}: is a file; give the name of a folder")
+        above = next(parent for parent in folder.absolute().parents if os.path.lexists(parent))
+        if not above.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file, or replace it, in one step; parents are made.
 

@@ -37,6 +37,7 @@ def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     phone.shoot_and_wait()
     phone.keep_picture("2-first-view")
     at_home = phone.peaked_share()
+    phone.page.evaluate("document.querySelector('.thumb').dataset.kept = 'yes'")
 
     phone.hold(moved(x_m=0.35))
     before = phone.peaked_share()
@@ -47,6 +48,9 @@ def test_the_red_goes_when_a_view_is_taken_and_comes_back_when_it_is_undone(
     after = phone.peaked_share()
     phone.keep_picture("4-second-view")
     assert after < before
+    # Of a long session the strip is long: what is there is not made again.
+    assert phone.page.locator(".thumb").count() == 2
+    assert phone.page.locator(".thumb").first.get_attribute("data-kept") == "yes"
 
     phone.page.keyboard.press("z")
     phone.wait_for(lambda: len(phone.views()) == 1)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, BrowserContext, Page
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
 from live_server import LiveServer
 from peaking.output import encode_png
-from recordings import lateral_cameras, write_recording
+from recordings import Room, lateral_cameras, write_recording
 
 TOO_BRIGHT = "Too bright for the camera: lower the exposure or leave it."
+MOVEMENT = "Mirror, glass or movement: more photos will not help here."
 
 GLARE = """() => {
   const upload = WebGL2RenderingContext.prototype.texImage2D;
@@ -75,10 +76,15 @@ def share_of(phone: VirtualPhonePage, name: str) -> float:
     return phone.page.evaluate("name => window.peaking.seen()[name]", name)
 
 
-def toast_after(page: Page, touch: Callable[[float, float], None], x: float, y: float) -> str:
+def toast_after(
+    phone: VirtualPhonePage, touch: Callable[[float, float], None], x: float, y: float
+) -> str:
     """Touch a place of the picture; return what is answered."""
+    page = phone.page
+    # It hears of the touch after those who answer it.
+    page.evaluate("window.heard = false; addEventListener('click', () => { window.heard = true; })")
     touch(*place_on_page(page, x, y))
-    page.wait_for_timeout(300)
+    phone.until("() => window.heard")
     toast = page.locator(".toast")
     return toast.inner_text() if toast.is_visible() else ""
 
@@ -109,11 +115,11 @@ def test_a_phone_shows_counts_and_explains(browser: Browser, server: LiveServer)
     phone.keep_picture("marks-phone")
 
     views = len(phone.views())
-    assert toast_after(page, touch, *middle) == TOO_BRIGHT
+    assert toast_after(phone, touch, *middle) == TOO_BRIGHT
     phone.keep_picture("marks-touched")
     page.locator(".toast").wait_for(state="hidden")
-    assert toast_after(page, touch, 0.3, 0.6) == ""  # shown rightly
-    assert toast_after(page, touch, 0.95, 0.4) == ""  # never seen
+    assert toast_after(phone, touch, 0.3, 0.6) == ""  # shown rightly
+    assert toast_after(phone, touch, 0.95, 0.4) == ""  # never seen
     assert len(phone.views()) == views
 
     page.get_by_role("button", name="Settings").click()
@@ -140,10 +146,14 @@ def test_a_phone_shows_counts_and_explains(browser: Browser, server: LiveServer)
     context.close()
 
 
-def dazzled(folder: Path) -> Path:
-    """A recording: a view; the same again, dazzled and with a thing recoloured; one from aside."""
-    cameras = lateral_cameras(13, 150, 320)
-    write_recording(folder, cameras=[cameras[6], cameras[6], cameras[12]])
+CAMERAS = lateral_cameras(13, 150, 320)
+MOVED = Room(box_m=((-0.25, -0.9, 1.0), (0.25, -0.5, 1.3)))
+"""The thing before the wall, higher up: views saw the wall where it is now."""
+
+
+def write_changes(folder: Path) -> Path:
+    """A recording: a view; the same, dazzled and with a thing recoloured; one from aside; moved."""
+    write_recording(folder, cameras=[CAMERAS[6], CAMERAS[6], CAMERAS[12], CAMERAS[8]])
     for index, brightness in ((0, 224), (1, 255)):
         path = folder / "images" / f"frame_{index:05d}.png"
         picture = cv2.imread(str(path))
@@ -153,38 +163,69 @@ def dazzled(folder: Path) -> Path:
         if index == 1:
             rgb[140:180, 50:100] = 255 - rgb[140:180, 50:100]
         path.write_bytes(encode_png(rgb))
+    rgb, depth_m = MOVED.photographed(CAMERAS[8])
+    (folder / "images" / "frame_00003.png").write_bytes(encode_png(rgb))
+    depth_mm = np.round(1000 * depth_m).astype(np.uint16)
+    (folder / "depths" / "frame_00003.png").write_bytes(encode_png(depth_mm))
     return folder
 
 
-def test_a_recording_shows_all_three(browser: Browser, tmp_path: Path) -> None:
-    command = ("demo", str(dazzled(tmp_path / "dazzled")), "--no-open", "--pixels", "30000")
-    server = LiveServer(tmp_path / "sessions", command=command).start()
-    context = browser.new_context(viewport={"width": 1280, "height": 800})
-    try:
-        page = context.new_page()
-        phone = VirtualPhonePage(page, server.address, query="source=replay")
-        phone.shoot_and_wait()
-        page.get_by_role("button", name="Hide the introduction").click()
-        page.keyboard.press(".")
-        phone.let_pass(12)
-        bright, wrong = (70 / 150, 85 / 320), (75 / 150, 160 / 320)
-        amber = seen_around(page, *bright)
-        assert is_amber(amber).mean() > 0.05
-        assert not is_red(amber).any()
-        assert is_red(seen_around(page, *wrong)).mean() > 0.8
-        phone.keep_picture("marks-recording")
-        assert toast_after(page, page.mouse.click, *bright) == TOO_BRIGHT
-        page.locator(".toast").wait_for(state="hidden")
-        assert toast_after(page, page.mouse.click, *wrong) == ""
-        numbers = page.locator(".meter .shares").inner_text()
-        assert "wrong" in numbers
-        assert "new" in numbers
+@pytest.fixture(scope="module")
+def changes(tmp_path_factory: pytest.TempPathFactory) -> Generator[str, None, None]:
+    """The address of a server with that recording."""
+    folder = tmp_path_factory.mktemp("changes")
+    recording = str(write_changes(folder / "recording"))
+    command = ("demo", recording, "--no-open", "--pixels", "30000")
+    server = LiveServer(folder / "sessions", command=command).start()
+    yield server.address
+    server.stop()
 
+
+def test_a_recording_shows_all_three(context: BrowserContext, changes: str) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, changes, query="source=replay")
+    phone.shoot_and_wait()
+    page.get_by_role("button", name="Hide the introduction").click()
+    page.keyboard.press(".")
+    phone.let_pass(12)
+    bright, wrong = (70 / 150, 85 / 320), (75 / 150, 160 / 320)
+    amber = seen_around(page, *bright)
+    assert is_amber(amber).mean() > 0.05
+    assert not is_red(amber).any()
+    assert is_red(seen_around(page, *wrong)).mean() > 0.8
+    phone.keep_picture("marks-recording")
+    assert toast_after(phone, page.mouse.click, *bright) == TOO_BRIGHT
+    page.locator(".toast").wait_for(state="hidden")
+    assert toast_after(phone, page.mouse.click, *wrong) == ""
+    numbers = page.locator(".meter .shares").inner_text()
+    assert "wrong" in numbers
+    assert "new" in numbers
+
+    page.keyboard.press(".")
+    phone.let_pass(12)
+    assert share_of(phone, "unseenShare") > 0.03
+    phone.keep_picture("marks-recording-aside")
+    assert phone.problems == []
+
+
+def test_what_has_moved_is_told(context: BrowserContext, changes: str) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, changes, query="source=replay")
+    phone.shoot_and_wait()
+    page.get_by_role("button", name="Hide the introduction").click()
+    for _ in range(2):
         page.keyboard.press(".")
-        phone.let_pass(12)
-        assert share_of(phone, "unseenShare") > 0.03
-        phone.keep_picture("marks-recording-aside")
-        assert phone.problems == []
-    finally:
-        context.close()
-        server.stop()
+    phone.let_pass(12)
+    phone.shoot_and_wait()
+    assert share_of(phone, "unfixableShare") < 0.002
+    page.keyboard.press(".")
+    phone.let_pass(12)
+    pixel, _ = CAMERAS[8].project(np.array([0.0, -0.7, 1.0]))  # the middle of its front
+    now = (float(pixel[0]) / 150, float(pixel[1]) / 320)
+    amber = seen_around(page, *now)
+    assert is_amber(amber).mean() > 0.05
+    assert not is_red(amber).any()
+    assert share_of(phone, "unfixableShare") > 0.05
+    assert toast_after(phone, page.mouse.click, *now) == MOVEMENT
+    phone.keep_picture("marks-moved")
+    assert phone.problems == []

@@ -9,7 +9,9 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-PATIENCE_MS = 90_000
+from patience import PATIENCE_S
+
+PATIENCE_MS = 1e3 * PATIENCE_S
 ARTEFACTS = Path(__file__).parents[2] / "out" / "e2e"
 
 START = (1, 0, 0, 0, 0, -1, 0, 1.35, 0, 0, -1, 1.1)
@@ -38,14 +40,21 @@ class VirtualPhonePage:
     """
 
     def __init__(
-        self, page: Page, address: str, *, query: str = "source=virtual", governor: str = "off"
+        self,
+        page: Page,
+        address: str,
+        *,
+        query: str = "source=virtual",
+        governor: str = "off",
+        running: bool = True,
     ) -> None:
         self.page = page
         self.problems: list[str] = []
         page.on("pageerror", lambda error: self.problems.append(str(error)))
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{address}/?governor={governor}&{query}", wait_until="commit")
-        self.wait_until_running()
+        if running:
+            self.wait_until_running()
 
     def wait_until_running(self) -> None:
         """Wait for pictures with depth: ARCore's depth is late, and so is the virtual phone's."""
@@ -98,7 +107,7 @@ class VirtualPhonePage:
         """Return the state of every view, in order."""
         return [view["state"] for view in self.views()]
 
-    def wait_for(self, holds: Callable[[], bool], *, seconds: float = PATIENCE_MS / 1e3) -> None:
+    def wait_for(self, holds: Callable[[], bool], *, seconds: float = PATIENCE_S) -> None:
         """Wait until something holds."""
         until = time.monotonic() + seconds
         while not holds():

@@ -6,6 +6,8 @@ import sys
 import time
 from pathlib import Path
 
+from patience import PATIENCE_S
+
 PARENT = """
 import multiprocessing, time
 from peaking.experiments.executors import end_with_parent
@@ -39,7 +41,7 @@ def test_a_worker_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
         worker = int(parent.stdout.readline().split()[1])
         assert is_alive(worker)
         parent.kill()
-    deadline_s = time.monotonic() + 120
+    deadline_s = time.monotonic() + PATIENCE_S
     while is_alive(worker) and time.monotonic() < deadline_s:
         time.sleep(0.05)
     assert not is_alive(worker)

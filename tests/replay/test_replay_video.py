@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from replay_factories import plain
 
+from patience import PATIENCE_S
 from peaking.errors import OutputError, ToolMissing
 from peaking.replay.video import VideoWriter, find_h264_encoder
 
@@ -189,7 +190,7 @@ def test_a_talkative_ffmpeg_does_not_block(tmp_path: Path, monkeypatch: pytest.M
 
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
-    thread.join(120)
+    thread.join(PATIENCE_S)
     assert not thread.is_alive()
     assert re.search(r"stopped after 30 frames: x+ / the reason$", str(told[0]))
     assert len(str(told[0])) < 2200

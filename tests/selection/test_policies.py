@@ -54,6 +54,10 @@ class Told:
     def camera(self) -> Camera:
         return cameras_at(self.x_m)[0]
 
+    @property
+    def sharpness(self) -> float:
+        raise PeakingError("nobody may look")
+
     def frame(self, pixels: int) -> Frame:
         raise PeakingError("nobody may look")
 
@@ -184,7 +188,9 @@ def test_decisions_add_up_to_what_is_held(frames: RecordedFrames, name: PolicyNa
 
 def test_those_that_need_the_whole_path_say_so() -> None:
     needing: set[PolicyName] = {name for name, kind in POLICIES.items() if kind.needs_whole_path}
-    assert needing == {"uniform", "farthest", "random", "all"}
+    assert needing == {
+        "uniform", "every-nth", "sharpest", "farthest", "coverage", "random", "all",
+    }  # fmt: skip
     also: set[PolicyName] = {"threshold", "plenoptic"}
     for name in needing | also:
         with pytest.raises(NeedsWholePath, match=f"whole path for the policy {name}"):

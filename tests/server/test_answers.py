@@ -16,6 +16,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from limited_server import connect, heard, limited_server
+from patience import PATIENCE_S
 from peaking.server import bounded_answers
 from peaking.server.bounded_answers import PART_BYTES, BoundedAnswers
 from peaking.server.connections import ConnectionLimits
@@ -26,7 +27,6 @@ from peaking.server.http_connection import HttpConnection
 from peaking.server.requests import mark_paired
 from peaking.server.serving import UNSENT_BYTES
 
-PATIENCE_S = 20.0
 LARGE = bytes(range(256)) * 40_000
 
 

@@ -13,6 +13,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
+from patience import PATIENCE_S
 from peaking.datasets import open_recording
 from peaking.mpi_file import decode
 from peaking.server import wire
@@ -62,7 +63,7 @@ def client(tmp_path: Path) -> Generator[TestClient, None, None]:
 
 
 def wait_until_made(client: TestClient, number: int) -> dict[str, Any]:
-    until = time.monotonic() + 90
+    until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until:
         captures = client.get(SESSION).json()["captures"]
         (capture,) = [c for c in captures if c["id"] == capture_id(number)]
@@ -366,7 +367,7 @@ def test_news_begin_with_the_whole_state_and_go_on(tmp_path: Path) -> None:
         assert hub.is_live("abcdefgh")
         thread = threading.Thread(target=lambda: hub.send("abcdefgh", wire.SessionChanged(summary)))
         thread.start()
-        heard.append(await asyncio.wait_for(anext(stream), 120))
+        heard.append(await asyncio.wait_for(anext(stream), PATIENCE_S))
         hub.send("another-one", wire.SessionChanged(summary))
         hub.close()
         heard += [message async for message in stream]

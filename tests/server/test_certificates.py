@@ -22,6 +22,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from patience import PATIENCE_S
 from peaking.errors import OutputError
 from peaking.server import certificates
 from peaking.server.certificates import (
@@ -294,7 +295,7 @@ def handshake(context: ssl.SSLContext, trusts: ssl.SSLContext, name: str) -> byt
         ):
             shown = own.getpeercert(binary_form=True)
             own.send(b".")
-        server.join(120)
+        server.join(PATIENCE_S)
     assert shown
     return shown
 

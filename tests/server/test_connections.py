@@ -19,6 +19,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from limited_server import connect, heard, limited_server
+from patience import PATIENCE_S
 from peaking.server.certificates import open_authority
 from peaking.server.connections import (
     Connection,
@@ -277,7 +278,7 @@ def greets(port: int, context: ssl.SSLContext | None = None) -> bool:
     """Return whether somebody who is paired is answered."""
     kind = http.client.HTTPConnection if context is None else http.client.HTTPSConnection
     options = {} if context is None else {"context": context}
-    connection = kind("localhost", port, timeout=120, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    connection = kind("localhost", port, timeout=PATIENCE_S, **options)  # pyright: ignore[reportArgumentType, reportCallIssue]
     with contextlib.closing(connection):
         connection.request("GET", "/", headers={"Authorization": "yes"})
         return connection.getresponse().read() == b"got "
@@ -395,7 +396,7 @@ def test_what_follows_a_body_is_bounded_too(after: bytes) -> None:
         with contextlib.suppress(ConnectionError):
             connection.sendall(after)
         assert b" 200 " not in heard(connection)
-        assert app.given_up.wait(120)
+        assert app.given_up.wait(PATIENCE_S)
 
 
 def test_requests_do_not_pile_up() -> None:
@@ -435,7 +436,7 @@ def test_a_slow_body_is_given_up_inside_too() -> None:
     app = Greeting()
     with limited_server(app, replace(PATIENT, body_grace_s=0.1, request_s=0.1)) as port:
         connection = connect(port, b"POST / HTTP/1.1\r\nContent-Length: 10\r\n\r\nslow")
-        assert app.given_up.wait(120)
+        assert app.given_up.wait(PATIENCE_S)
         assert b"urn:" not in heard(connection)
 
 
@@ -443,7 +444,7 @@ def test_a_stream_that_nobody_reads_ends() -> None:
     app = Greeting()
     with limited_server(app, replace(PATIENT, unread_s=0.1)) as port:
         connection = connect(port, GREET.replace(b"/ ", b"/stream ", 1))
-        assert app.given_up.wait(120)
+        assert app.given_up.wait(PATIENCE_S)
         connection.close()
 
 
@@ -456,7 +457,7 @@ def test_a_stream_ends_with_its_connection_although_requests_wait_behind_it() ->
         connection = connect(port, STREAM + GREET * 2)
         assert connection.recv(8) == b"HTTP/1.1"
         connection.close()
-        assert app.given_up.wait(120)
+        assert app.given_up.wait(PATIENCE_S)
 
 
 @pytest.mark.parametrize("after", [b"nonsense\r\n\r\n", GREET + b"nonsense\r\n\r\n", GREET * 50])
@@ -467,7 +468,7 @@ def test_no_problem_is_said_within_another_answer(after: bytes) -> None:
         assert connection.recv(8) == b"HTTP/1.1"
         connection.sendall(after)
         assert b"HTTP/1.1" not in heard(connection)
-        assert app.given_up.wait(120)
+        assert app.given_up.wait(PATIENCE_S)
 
 
 @pytest.mark.parametrize("name", ["sweep", "admit", "make_room"])
@@ -487,7 +488,7 @@ def test_whatever_goes_wrong_once_the_server_goes_on(
     with limited_server(Greeting(), limits) as port:
         for _ in range(3):
             connect(port).close()
-        assert failed.wait(120)
+        assert failed.wait(PATIENCE_S)
         assert greets(port)
         assert heard(connect(port)) == b""  # limits of time hold
     assert "ValueError" in capfd.readouterr().err
@@ -496,7 +497,7 @@ def test_whatever_goes_wrong_once_the_server_goes_on(
 def test_an_answer_before_the_end_of_the_body_is_heard() -> None:
     """Browsers listen only when they have sent all."""
     with limited_server(Greeting(), PATIENT) as port:
-        connection = http.client.HTTPConnection("localhost", port, timeout=120)
+        connection = http.client.HTTPConnection("localhost", port, timeout=PATIENCE_S)
         for _ in range(2):  # and the connection goes on
             connection.request("POST", "/early", body=b"x" * 5_000_000)
             answer = connection.getresponse()

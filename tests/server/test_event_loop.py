@@ -19,6 +19,7 @@ from starlette.types import Receive, Scope, Send
 
 from capture_uploads import SESSION_ID, capture_id, new_session, upload
 from limited_server import limited_server
+from patience import PATIENCE_S
 from peaking.datasets import open_recording
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.connections import ConnectionLimits
@@ -215,7 +216,7 @@ REQUESTS: list[tuple[str, str, Any]] = [
 
 def ask(port: int, method: str, path: str, body: Any, streams: contextlib.ExitStack) -> int:
     sent = body if isinstance(body, bytes) else None if body is None else json.dumps(body).encode()
-    connection = http.client.HTTPConnection("localhost", port, timeout=60)
+    connection = http.client.HTTPConnection("localhost", port, timeout=PATIENCE_S)
     streams.callback(connection.close)
     while True:
         content = None if isinstance(body, str) else sent

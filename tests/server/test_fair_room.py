@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patience import PATIENCE_S
 from peaking.server.fair_queue import FairQueue
 from peaking.server.fair_room import SPREAD_S, Busy, FairRoom, Share
 
@@ -167,5 +168,5 @@ def test_it_waits_and_is_closed() -> None:
     while not heard and thread.is_alive() and not waiting.empty:
         pass
     waiting.close()
-    thread.join(120)
+    thread.join(PATIENCE_S)
     assert heard == ["a", None] or heard == [None, None]

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 import threading
+import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ from capture_uploads import (
     upload_without_depth,
 )
 from foreign_pictures import GPS, jpeg, telling_jpeg, with_frame, with_scans, with_size
+from patience import PATIENCE_S
 from peaking.datasets import open_recording
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.server import attempts, generation, thumbnails
@@ -202,13 +204,17 @@ def test_a_link_in_a_stored_session_is_not_followed(
 @pytest.mark.usefixtures("no_generation")
 def test_few_pictures_are_decoded_at_once(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     now, most, lock = [0], [0], threading.Lock()
+    two = threading.Event()
     real = thumbnails.read_picture
 
     def counted(path: Path, *, within: Path) -> np.ndarray:
         with lock:
             now[0] += 1
             most[0] = max(most[0], now[0])
-        threading.Event().wait(0.05)
+            if most[0] == 2:
+                two.set()
+        assert two.wait(PATIENCE_S)
+        time.sleep(0.05)  # whoever may come now, comes
         with lock:
             now[0] -= 1
         return real(path, within=within)
@@ -288,11 +294,12 @@ def test_the_queue_gives_up_with_a_sentence(opened: Open, tmp_path: Path) -> Non
 
 
 def wait_for(client: TestClient, state: str) -> dict[str, Any]:
-    for _ in range(600):
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
         captures = client.get(SESSION).json()["captures"]
         if captures[0]["state"] == state:
             return captures[0]
-        threading.Event().wait(0.1)
+        time.sleep(0.1)
     raise AssertionError(f"never {state}")
 
 
@@ -424,5 +431,5 @@ def test_damaged_sessions_are_listed_without_their_path(tmp_path: Path) -> None:
 
 def test_a_wrong_upload_is_told_without_internals() -> None:
     with pytest.raises(BadUpload) as caught:
-        parse_upload(upload_of(b"\xff\xd8" + bytes(100)))
+        parse_upload(upload_of(b"\xff\xd8" + bytes(100) + b"\xff\xd9"))
     assert "holds no picture" in str(caught.value)

@@ -15,10 +15,10 @@ import pytest
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
 from full_disks import FullDisk, SmallDisk, SmallFiles, small_disk
 from live_server import LiveServer
+from patience import PATIENCE_S
 from peaking.server.sessions import SessionStore
 
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
-PATIENCE_S = 90.0
 MAX_PAGES = 40
 """Free pages that are tried: more than a capture, its MPI, transforms.json and folders take."""
 

@@ -16,13 +16,12 @@ from pathlib import Path
 import pytest
 
 from capture_uploads import SESSION_ID, capture_id, new_session, photo, upload
+from patience import PATIENCE_S
 from peaking.server.sessions import SessionStore
 
 KILLS = 50
 PHONES = 3
 BUSY = 503
-PATIENCE_S = 120.0
-"""For a machine that has much else to do."""
 
 SERVERS = """
 import os, sys

@@ -18,6 +18,7 @@ from uuid import uuid4
 import pytest
 
 from capture_uploads import SESSION_ID, new_session, upload
+from patience import PATIENCE_S
 from peaking.server.serving import bind
 from peaking.server.wire import PROTOCOL
 
@@ -43,7 +44,7 @@ def run(arguments: list[str], home: Path, until: str) -> tuple[subprocess.Popen[
 
 def end(process: subprocess.Popen[str]) -> None:
     process.send_signal(2)
-    process.wait(120)
+    process.wait(PATIENCE_S)
     assert process.stdout is not None
     process.stdout.close()
 
@@ -106,7 +107,7 @@ def test_ctrl_c_does_not_wait_for_those_who_listen(tmp_path: Path, stream: str) 
     process, said = run(arguments, tmp_path, "Ctrl-C")
     port = re.search(r"http://localhost:(\d+)", said)
     assert port, said
-    connection = http.client.HTTPConnection("localhost", int(port[1]), timeout=120)
+    connection = http.client.HTTPConnection("localhost", int(port[1]), timeout=PATIENCE_S)
     connection.request("GET", stream)
     events = connection.getresponse()
     assert events.readline().startswith(b"data:")
@@ -157,7 +158,7 @@ def test_a_folder_is_served_once_and_is_private(tmp_path: Path) -> None:
         two, refused = run(demo, tmp_path, "another process")
         assert two.stdout is not None
         two.stdout.close()
-        assert two.wait(120) == 2
+        assert two.wait(PATIENCE_S) == 2
         assert f"another process ('peaking demo', number {one.pid}" in refused
         assert "Traceback" not in refused
     finally:

@@ -16,6 +16,7 @@ from test_app import SESSION, client_of
 
 from capture_uploads import new_session
 from live_server import LiveServer
+from patience import PATIENCE_S
 from peaking.server import events
 from peaking.server.events import Hub
 from peaking.server.responses import event_stream
@@ -146,13 +147,13 @@ def test_ctrl_c_with_streams_that_nobody_reads_is_quiet(tmp_path: Path) -> None:
     request = b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
     listening: list[socket.socket] = []
     for _ in range(100):
-        connection = socket.create_connection(("127.0.0.1", server.port), timeout=120)
+        connection = socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE_S)
         connection.sendall(request)
         assert connection.recv(8, socket.MSG_WAITALL) == b"HTTP/1.1"
         listening.append(connection)
     before = len(server.said)
     server.process.send_signal(signal.SIGINT)
-    assert server.process.wait(120) is not None
+    assert server.process.wait(PATIENCE_S) is not None
     server.stop()
     for connection in listening:
         connection.close()

@@ -14,10 +14,9 @@ import pytest
 from test_app import SESSION, capture_path, client_of
 
 from capture_uploads import SESSION_ID, new_session, upload
+from patience import PATIENCE_S
 from peaking.server.open_session import OpenSession
 from peaking.server.turns import Turns
-
-PATIENCE_S = 20.0
 
 
 class Held:

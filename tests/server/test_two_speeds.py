@@ -25,6 +25,7 @@ from capture_uploads import (
     upload,
     upload_without_depth,
 )
+from patience import PATIENCE_S
 from peaking.errors import CheckpointError, PeakingError
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
@@ -53,7 +54,7 @@ def capture_path(number: int) -> str:
 def wait_for(
     client: TestClient, number: int, wanted: Callable[[dict[str, Any]], bool]
 ) -> dict[str, Any]:
-    until = time.monotonic() + 120
+    until = time.monotonic() + PATIENCE_S
     capture: dict[str, Any] = {}
     while time.monotonic() < until:
         captures = client.get(SESSION).json()["captures"]

@@ -93,7 +93,7 @@ def test_points_that_are_no_places_are_named(wrong: float) -> None:
         (header(protocol=1), "version 3"),
         (header(time_s=-1), "time_s"),
         (header(photo_bytes=0), "photo_bytes"),
-        (header(photo_bytes=10_000_000), "incomplete"),
+        (header(photo_bytes=10_000_000), "cut off"),
         (header(camera=None), "camera"),
         (header(camera="front"), "camera"),
         (header() | {"colour": "red"}, "colour"),
@@ -121,8 +121,8 @@ def test_what_is_wrong_is_said(fields: dict[str, Any], says: str) -> None:
 @pytest.mark.parametrize(
     ("length", "says"),
     [
-        (500, "The header claims 500 bytes, but the upload has only 304."),
-        (301, "The header claims 301 bytes, but the upload has only 304."),
+        (500, "the header claims 500 bytes, but the upload has only 304"),
+        (301, "the header claims 301 bytes, but the upload has only 304"),
         (1, "A header has 2 to 20,000 bytes, not 1."),
     ],
 )

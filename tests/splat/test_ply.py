@@ -134,7 +134,7 @@ def test_reading_takes_the_memory_of_the_gaussians(tmp_path: Path) -> None:
     assert most < 2 * n * (own + 9 * 4) + 4_000_000
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.integers(0, 1500), st.binary(min_size=1, max_size=8), st.integers(0, 12))
 def test_any_damage_is_gaussians_or_a_sentence(
     tmp_path: Path, at: int, damage: bytes, lost: int

@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Page
 
 from live_server import chromium
+from patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,13 +34,13 @@ def opened_page(name: str, ready: str) -> Generator[Page, None, None]:
             address = re.search(r"http://127\.0\.0\.1:\d+", re.sub(r"\x1b\[[0-9;]*m", "", line))
         with chromium() as browser:
             page = browser.new_page()
-            page.set_default_timeout(90_000)
+            page.set_default_timeout(1e3 * PATIENCE_S)
             page.goto(f"{address.group()}/tests/pages/{name}.html", wait_until="commit")
             page.wait_for_function(f"window.{ready} !== undefined")
             yield page
     finally:
         vite.terminate()
-        vite.wait(120)
+        vite.wait(PATIENCE_S)
         vite.stdout.close()
 
 

@@ -22,7 +22,7 @@ import { PoseTracker } from './tracking/pose_tracker';
 import type { Options } from './wire';
 
 /** Why the shutter does nothing now; null when it works. */
-export type Hindrance = 'no-picture' | 'tracking-lost' | 'no-depth' | 'too-fast' | 'busy' | null;
+export type Hindrance = 'server-not-ready' | 'no-picture' | 'tracking-lost' | 'no-depth' | 'too-fast' | 'busy' | null;
 
 /** The object is used again at every frame. */
 export interface LiveState {
@@ -63,6 +63,8 @@ export class LiveView implements Disposable {
   readonly store: MpiStore;
   /** What gives way on a slow device; null: nothing does. */
   governor: Governor | null = null;
+  /** Whether what is taken now would be seen at once. */
+  serverIsReady = true;
   look: Look = { overlay: 'peaks', threshold: 0.4, peakOpacity: 1, pattern: false };
 
   #renderer: ViewRenderer;
@@ -129,7 +131,7 @@ export class LiveView implements Disposable {
       frame_ms: this.governor?.frame_ms ?? null,
       allowance: this.#allowance,
       pixels: targets === null ? 0 : targets.view.width * targets.view.height,
-      filling: targets === null ? 0 : targets.filling.filter(({ mpi }) => mpi !== null).length,
+      filling: targets === null ? 0 : targets.filledFrom.filter((mpi) => mpi !== null).length,
     };
   }
 
@@ -257,6 +259,7 @@ export class LiveView implements Disposable {
   }
 
   #hindrance(frame: LiveFrame): Hindrance {
+    if (!this.serverIsReady) return 'server-not-ready';
     if (frame.camera === null) return this.#frames > 1 ? 'tracking-lost' : 'no-picture';
     if (frame.image === null) return 'no-picture';
     if (this.#busy) return 'busy';

@@ -12,6 +12,7 @@ import type { GuideState } from './guidance/guide_session';
 import { LiveView, type Hindrance, type Pace } from './live_view';
 import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
+import { Warmth } from './server/warmth';
 import { WHOLE } from './render/shares';
 import type { FrameSource, LiveFrame } from './sources/frame_source';
 import { ReplayControls, replaySource } from './sources/replay';
@@ -24,7 +25,6 @@ import { PictureOnPage } from './ui/picture_fit';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import { onTouch } from './ui/touch';
 import { WHY_UNFIXABLE } from './ui/words';
-import type { ServerInfo } from './wire';
 
 /** For tests, benchmarks, and people with the developer tools open. */
 export interface Inspection {
@@ -49,6 +49,7 @@ declare global {
 }
 
 const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
+  'server-not-ready': null, // said below
   'no-picture': 'Waiting for the camera',
   'tracking-lost': 'Tracking lost. Move slowly and point the camera at something with texture.',
   'no-depth': 'No depth yet. Move the phone slightly from side to side.',
@@ -62,7 +63,6 @@ const STAND_INS: Readonly<Record<SourceChoice['kind'], string>> = {
 const FINISHED = 'This session is finished: its views are saved, and it takes no more. '
   + 'Finish, then "Start a new session", begins another.';
 const BY_TOUCH = 'Drag to look around. Two fingers carry the phone; spread them to step closer.';
-const WARMING_UP = 'The server is warming up (about 30 s, first run only).';
 /** A notice comes only when what hinders has lasted, so that nothing flickers. */
 const NOTICE_AFTER_MS = 700;
 
@@ -149,14 +149,24 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   });
 
   if (choice.kind === 'virtual' && matchMedia('(pointer: coarse)').matches) hud.answer(BY_TOUCH);
-  const notices = new Notices(info, api);
+  const warmth = new Warmth(api, info, () => { live.serverIsReady = warmth.isWarm; });
+  live.serverIsReady = warmth.isWarm;
+  let connection = session.snapshot.connection;
+  session.subscribe((now) => {
+    // It may have been started anew.
+    if (connection === 'offline' && now.connection === 'online') void warmth.ask();
+    connection = now.connection;
+  });
+  const notices = new Notices(warmth);
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
     time_ms: 0, look: live.look, peakedShare: null, wrongShare: null, unseenShare: null, towards: null,
-    tracking: live.state.tracking, views: [], restorable: [], notice: null, canShoot: false,
-    sessionName: '',
+    tracking: live.state.tracking, views: [], restorable: [], notice: null, gettingReady: null,
+    canShoot: false, sessionName: '',
   };
+  const loading = overlay.querySelector('.loading');
   const onFrame = (frame: LiveFrame): void => {
+    loading?.remove();
     if (picture.visible !== visible) {
       visible = picture.visible;
       live.visible = visible;
@@ -176,6 +186,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.restorable = restorable;
     const said = isOver() ? FINISHED : null;
     shown.notice = notices.of(frame.time_ms, hindrance, said ?? jumped ?? problem ?? storageProblem ?? trouble);
+    shown.gettingReady = warmth.share;
     shown.canShoot = hindrance === null && !isOver() && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;
     hud.show(shown);
@@ -212,12 +223,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
 class Notices {
   #hindrance: Hindrance = null;
   #since_ms = 0;
-  #warm: boolean;
 
-  constructor(info: ServerInfo, api: Api) {
-    this.#warm = info.warm;
-    if (!this.#warm) void this.#waitUntilWarm(api);
-  }
+  constructor(readonly warmth: Warmth) {}
 
   of(time_ms: number, hindrance: Hindrance, trouble: string | null): string | null {
     if (hindrance !== this.#hindrance) {
@@ -228,15 +235,7 @@ class Notices {
       const sentence = HINDRANCES[hindrance];
       if (sentence !== null) return sentence;
     }
-    if (trouble !== null) return trouble;
-    return this.#warm ? null : WARMING_UP;
-  }
-
-  async #waitUntilWarm(api: Api): Promise<void> {
-    while (!this.#warm) {
-      await new Promise((resolve) => setTimeout(resolve, 1500));
-      this.#warm = await api.server().then((info) => info.warm, () => false);
-    }
+    return trouble ?? this.warmth.sentence;
   }
 }
 

@@ -98,6 +98,8 @@ export class ViewWeights {
     const best = this.#cheapest.clear(count + 1, this.#cost_m);
     for (let k = 0; k < near.count; k += 1) {
       const index = near.index[k] ?? 0;
+      // The closest come first, and none costs less than it is far.
+      if (best.count > count && at(this.#distance_m, index) + CLOSE_M >= best.largest) break;
       this.#measureCost(index, sceneDepth_m);
       best.add(index);
     }

@@ -80,7 +80,7 @@ export interface CaptureChange {
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
 export interface SelectionQuery {
-  readonly policy?: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly policy?: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly views?: number | null;
   readonly threshold_share?: number;
   readonly spacing_m?: number | null;
@@ -97,7 +97,7 @@ export interface CaptureDecision {
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
-  readonly policy: 'all' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'threshold' | 'uniform';
+  readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
 }
 
@@ -182,6 +182,7 @@ export interface ServerInfo {
   readonly options: Options;
   readonly recordings: readonly string[];
   readonly warm: boolean;
+  readonly warm_share: number;
   readonly max_upload_bytes: number;
 }
 
@@ -408,6 +409,7 @@ export const serverInfoSchema: Schema<ServerInfo> = /* @__PURE__ */ record<Serve
   options: optionsSchema,
   recordings: list(text),
   warm: flag,
+  warm_share: number(),
   max_upload_bytes: integer(),
 });
 

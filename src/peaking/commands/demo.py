@@ -49,12 +49,13 @@ class Demo:
         import webbrowser
 
         from peaking.commands.python_version import say_when_outdated
-        from peaking.commands.serving import check_port, keep_private, say_skipped
+        from peaking.commands.serving import check_port, keep_private, preparation_said, say_skipped
         from peaking.datasets import open_recording
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
         from peaking.server.traces import Played, PlayedTrace
+        from peaking.server.warm_up import WarmUp
 
         check_port(self.port)
         keep_private()
@@ -102,4 +103,5 @@ class Demo:
             ),
             started=started,
             told=say_skipped,
+            warm_up=WarmUp(preparation_said()),
         )

@@ -53,12 +53,14 @@ class Serve:
             fixed_token,
             https_origins,
             keep_private,
+            preparation_said,
             say_skipped,
         )
         from peaking.server.app import ServerOptions
         from peaking.server.certificates import config_folder
         from peaking.server.devices import Devices
         from peaking.server.serving import CLIENT_DIR, bind, serve
+        from peaking.server.warm_up import WarmUp
 
         if self.token is not None:
             raise ArgumentError(
@@ -70,14 +72,14 @@ class Serve:
         keep_private()
         with checked_arguments():
             options = self.method.options()
+        devices = Devices(self.sessions, fixed_secret=token)
+        for problem in devices.problems:
+            say(f"Note: {problem}", problem=True)
         listener = bind("127.0.0.1" if self.adb else self.host, self.port)
         port = listener.getsockname()[1]
         origins, context = [f"http://localhost:{port}"], None
         if not self.adb:
             origins, context = https_origins(self.host, port)
-        devices = Devices(self.sessions, fixed_secret=token)
-        for problem in devices.problems:
-            say(f"Note: {problem}", problem=True)
         pages = [f"{origin}/" for origin in origins]
         invitation = Invitation(devices, pages, what="phone")
 
@@ -113,4 +115,5 @@ class Serve:
             context=context,
             started=started,
             told=say_skipped,
+            warm_up=WarmUp(preparation_said()),
         )

@@ -16,7 +16,7 @@ from peaking.terminal import say
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from peaking.server.devices import Devices
     from peaking.server.server_certificate import ServerCertificate
@@ -87,6 +87,21 @@ def keep_private() -> None:
 def say_skipped(problem: str) -> None:
     """Report a session that cannot be opened."""
     say(f"skipped: {problem}", problem=True)
+
+
+def preparation_said() -> Callable[[float], None]:
+    """Return what says how far a first start is, tenth by tenth; of others it says nothing."""
+    next_tenth = 0
+
+    def say_share(share: float) -> None:
+        nonlocal next_tenth
+        if share == 1.0 and next_tenth > 0:
+            say("Ready: views can be taken.")
+        elif share < 1.0 and int(10 * share) >= next_tenth:
+            next_tenth = int(10 * share) + 1
+            say(f"Compiling, on the first start only: {10 * int(10 * share)} %")
+
+    return say_share
 
 
 def fixed_token(file: Path | None) -> str | None:

@@ -109,6 +109,7 @@ class Splat:
 
     def _check(self) -> None:
         from peaking.errors import OutputError
+        from peaking.output import check_folder
 
         if self.out.suffix.lower() != ".ply":
             raise ArgumentError(f"need a file name ending in .ply for --out, got {self.out}")
@@ -121,8 +122,9 @@ class Splat:
         # Find out now what would otherwise fail after the training.
         if self.out.is_dir():
             raise OutputError(f"{self.out}: is a folder; give a file name")
+        check_folder(self.out.parent)
         above = next(folder for folder in self.out.absolute().parents if folder.exists())
-        if not (above.is_dir() and os.access(above, os.W_OK)):
+        if not os.access(above, os.W_OK):
             raise OutputError(f"{self.out}: not writable; choose a folder that you may write to")
         with checked_arguments():
             self._options()

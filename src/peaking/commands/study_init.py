@@ -35,15 +35,16 @@ class Init:
 
         from peaking.commands.arguments import ArgumentError
         from peaking.errors import OutputError
-        from peaking.output import write_atomically
+        from peaking.output import check_folder, write_atomically
         from peaking.study.protocol import FILE_NAME, load_protocol, remarks
         from peaking.study.texts import FOLDER, template
 
+        check_folder(self.folder)
         path = self.folder / FILE_NAME
         if not path.exists():
             write_atomically(path, (files("peaking.study") / "example.toml").read_bytes())
             say(f"Wrote {path}: read it and change what differs in your study.")
-        protocol = load_protocol(path)
+        protocol = load_protocol(self.folder)
         for remark in remarks(protocol):
             say(f"Note: {remark}")
         if self.language is not None:

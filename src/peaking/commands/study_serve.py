@@ -48,6 +48,7 @@ class ServeStudy:
             fixed_token,
             https_origins,
             keep_private,
+            preparation_said,
             say_skipped,
         )
         from peaking.options import PRESETS
@@ -59,6 +60,7 @@ class ServeStudy:
         from peaking.server.sessions import SessionStore
         from peaking.server.study.app import StudyServerOptions, create_study_app
         from peaking.server.study.open_study import OpenStudy
+        from peaking.server.warm_up import WarmUp
         from peaking.study.privacy import held
         from peaking.study.protocol import load_protocol
 
@@ -88,6 +90,7 @@ class ServeStudy:
                 store=sessions,
                 hub=hubs[0],
                 admission=study,
+                warm_up=WarmUp(preparation_said()),
                 config=ServerOptions(
                     devices=devices,
                     client_dir=CLIENT_DIR,

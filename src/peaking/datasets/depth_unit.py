@@ -62,6 +62,35 @@ def depth_over_distance(
     return float(middle) if high < SPREAD * low else None
 
 
+def typical_distance(cameras: Sequence[Camera], read: Callable[[int], Frame]) -> float | None:
+    """Return how far away things typically are by pictures and poses, in the unit of the poses.
+
+    Args:
+        cameras: Of all frames, in the order they were taken.
+        read: Returns a frame.
+
+    Returns:
+        The median distance along the optical axis; None where too little is found.
+
+    Raises:
+        RecordingError: A frame cannot be read.
+    """
+    numbers = range(len(cameras))
+    found = [np.zeros(0)]
+    for place in sorted({round(share * (len(cameras) - 1)) for share in PLACES}):
+        partner = _partner(numbers, place, cameras)
+        if partner is not None:
+            small, there = (_small(read(number)) for number in (place, partner))
+            found.append(triangulate(small, there).disparity_per_m)
+    disparity_per_m = np.concatenate(found)
+    positive = disparity_per_m[disparity_per_m > 0]
+    return float(1 / np.median(positive)) if len(positive) >= MIN_POINTS else None
+
+
+def _small(frame: Frame) -> Frame:
+    return frame.resized(*working_size_px(*frame.camera.pinhole.size_px, pixels=WORKING_PIXELS))
+
+
 def _partner(numbers: Sequence[int], place: int, cameras: Sequence[Camera]) -> int | None:
     """Return the frame that is farthest away of those nearby that look the same way."""
     here = cameras[numbers[place]]
@@ -77,10 +106,7 @@ def _partner(numbers: Sequence[int], place: int, cameras: Sequence[Camera]) -> i
 def _ratios(frame: Frame, other: Frame) -> Float64[np.ndarray, "points"]:
     if frame.depth_m is None:
         return np.zeros(0)
-    small, there = (
-        one.resized(*working_size_px(*one.camera.pinhole.size_px, pixels=WORKING_PIXELS))
-        for one in (frame, other)
-    )
+    small, there = _small(frame), _small(other)
     evidence = triangulate(small, there)
     if len(evidence.points_px) == 0:
         return np.zeros(0)

@@ -38,7 +38,7 @@ from peaking.experiments.step_cache import StepCache
 from peaking.experiments.steps import Found
 from peaking.experiments.tables import Evaluation, per_view_csv, results_json, table_md, table_tex
 from peaking.metrics.lpips import LpipsName, available
-from peaking.output import write_atomically
+from peaking.output import check_folder, write_atomically
 from peaking.selection.registry import POLICIES
 
 CACHE = "cache"
@@ -154,9 +154,8 @@ def evaluate(
 def _begin(out: Path) -> None:
     """Take old results away; refuse a folder that holds something else."""
     ours = {CACHE, PICTURES, *OUTPUTS}
+    check_folder(out)
     if out.exists():
-        if not out.is_dir():
-            raise OutputError(f"{out}: is a file; give the name of a folder")
         others = sorted(path.name for path in out.iterdir() if path.name not in ours)
         if others:
             raise OutputError(f"{out}: holds {others[0]}, not an evaluation; give a new folder")

@@ -23,7 +23,18 @@ READING = (
     "(our reading of the paper's Table 1), averaged over scenes and numbers of views."
 )
 
-ORDER = ("random", "uniform", "farthest", "plenoptic", "threshold", "peaking", "all")
+ORDER = (
+    "random",
+    "every-nth",
+    "sharpest",
+    "uniform",
+    "farthest",
+    "coverage",
+    "plenoptic",
+    "threshold",
+    "peaking",
+    "all",
+)
 """Strategies in tables and charts: the paper's first, as there; the reference comes last."""
 
 

@@ -27,6 +27,10 @@ _PIECE_BYTES = 1 << 20
 _AGAIN = "store it again as an ordinary JPEG"
 
 
+class BrokenOff(ValueError):
+    """The file ends within a segment."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A marker with what belongs to it: of a scan, its data too.
@@ -50,7 +54,8 @@ def segments(data: bytes | memoryview) -> Iterator[Segment]:
     Junk between them is passed over, as decoders do. What follows the picture is not looked at.
 
     Raises:
-        ValueError: It does not begin as a JPEG, or a segment is broken off.
+        ValueError: It does not begin as a JPEG.
+        BrokenOff: It ends within a segment.
         TooCostly: There are too many.
     """
     if data[: len(START)] != START:
@@ -67,7 +72,7 @@ def segments(data: bytes | memoryview) -> Iterator[Segment]:
             length = int.from_bytes(data[body : body + 2], "big")
             at, body = body + length, body + 2
             if length < 2 or at > len(data):
-                raise ValueError("a segment is broken off")
+                raise BrokenOff("ends within a segment")
         if marker == SOS:
             after = _search(_AFTER_SCAN, data, at)
             at = len(data) if after is None else after.start()

@@ -43,6 +43,7 @@ from peaking.replay.video import VideoWriter
 from peaking.selection.policy import Chosen, Decision, Policy
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
+from peaking.selection.sharpness import sharpness
 from peaking.timing import Stopwatch
 from peaking.tracking import Alignment
 
@@ -180,6 +181,11 @@ class ReplayCandidate:
     def accepted(self) -> bool:
         """Whether it can be captured."""
         return self.scene.accepts(self.full)
+
+    @property
+    def sharpness(self) -> float:
+        """How sharp it is at the working size."""
+        return sharpness(self.scene.prepare(self.full).rgb)
 
     def frame(self, pixels: int) -> Frame:
         """Return the picture and its camera with about so many pixels."""

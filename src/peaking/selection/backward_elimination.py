@@ -12,19 +12,19 @@ be.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float, Float64, UInt8
+from jaxtyping import Float64
 
 from peaking.geometry import Camera
-from peaking.light_field import blend_renderings
 from peaking.mpi import Mpi
 from peaking.options import Options
-from peaking.rendering import Rendering, render
-from peaking.selection.policy import Candidate, Decision
+from peaking.selection.policy import ALONE, WRONG, Candidate, CurvePoint, Decision, Worth
+from peaking.selection.sharpness import Sharpnesses
+from peaking.selection.shown_errors import Blend, ShownErrors
 from peaking.view_weights import (
     CLOSE_M,
     costs_m,
@@ -36,6 +36,12 @@ from peaking.view_weights import (
 HELD_PER_VIEW = 4
 """Views held while shooting, per view wanted; the rest goes at the end. With 2 the mean PSNR was up
 to 0.5 dB lower, with 8 it was the same (docs/evaluation.md)."""
+
+HELD_WITHOUT_NUMBER = 240
+"""Views held while shooting where the curve is to tell how many are wanted."""
+
+MAX_SEEN = 600
+"""Frames that are remembered, at least so many; of more, those go that are closest in time."""
 
 SHRINK = 16
 """The errors are looked at with so many times fewer pixels than the views are made with."""
@@ -50,28 +56,28 @@ SAME_PLACE_M = 2 * CLOSE_M
 """Cost (distance over overlap) up to which a view is from where another was: who stands still takes
 one. Each would else be missed by the other, which no third one shows as well."""
 
-ALL_WRONG = 0.3
-"""Mean squared error of a frame that no view shows."""
+GAIN_DB = 1.0
+"""The curve has flattened where twice as many views bring less than this."""
 
-MAX_RENDERINGS = 1500
-"""Renderings that are kept; at the paper's size they take 0.35 GB."""
+MIN_ERROR = 1e-5
+"""Mean squared errors below it count as this in decibels: 50 dB."""
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """A frame seen so far, small.
+class Loss:
+    """What is lost when a view goes, summed over the frames that it shows.
 
     Attributes:
-        number: What the outside calls it.
-        camera: Of the small picture.
-        rgb: The small picture.
-        points_m: Points of the world that tell how much of it a view saw (`overlap_points_m`).
+        missed: What is minimised, the sum of (mean squared error)^`EXPONENT`.
+        psnr_db: PSNR.
+        error: Mean squared error.
+        unseen: The part of it where no other view shows anything.
     """
 
-    number: int
-    camera: Camera
-    rgb: UInt8[np.ndarray, "h w 3"]
-    points_m: Float64[np.ndarray, "n 3"]
+    missed: float
+    psnr_db: float
+    error: float
+    unseen: float
 
 
 class BackwardElimination:
@@ -80,154 +86,302 @@ class BackwardElimination:
     Views are weighted by distance over overlap, whatever `Options.blend_weights` says: the question
     is which view is missed, and those weights change without jumps when one goes.
 
-    Frames are called by their row: the first one seen is 0. A frame is never shown by its own MPI:
-    that it could show itself says nothing about its neighbours.
+    A frame is never shown by its own MPI: that it could show itself says nothing about its
+    neighbours.
     """
 
-    def __init__(self, num_views: int, options: Options) -> None:
+    def __init__(
+        self, num_views: int | None, options: Options, *, with_curve: bool = False
+    ) -> None:
         """Begin without a view.
 
         Args:
-            num_views: How many are wanted in the end.
+            num_views: How many are wanted in the end; None: as many as the curve says are enough.
             options: How views are built and blended.
+            with_curve: Whether to find out at the end how good fewer views would be.
 
         Raises:
             ValueError: `num_views` < 1.
         """
-        if num_views < 1:
+        if num_views is not None and num_views < 1:
             raise ValueError(f"need num_views >= 1, got {num_views}")
         self._num_views = num_views
         self._options = options
+        self._most_held = HELD_WITHOUT_NUMBER if num_views is None else HELD_PER_VIEW * num_views
+        self._most_seen = max(MAX_SEEN, 2 * self._most_held)
+        self._with_curve = with_curve or num_views is None
         self._pixels = 0
-        self._seen: list[_Seen] = []
-        self._mpis: dict[int, Mpi] = {}
-        self._cost_m = np.zeros((0, 0))
-        """Cost of a row's frame to be shown by another row's view; only of views it is known."""
-        self._rendered = lru_cache(maxsize=MAX_RENDERINGS)(self._render)
-        self._known: dict[tuple[object, ...], float] = {}
+        self._shown = ShownErrors(
+            options.opacity, max_photos=self._most_seen + 1, max_views=options.neighbours
+        )
+        self._seen = _SeenFrames(self._most_seen + 1)
+        self._sharp = Sharpnesses()
         self._error: dict[int, float] = {}
+        self._unseen: dict[int, float] = {}
         self._shown_by: dict[int, frozenset[int]] = {}
         self._shows: dict[int, set[int]] = {}
-        self._missed: dict[int, float] = {}
-        self._held: list[int] = []
+        self._loss: dict[int, Loss] = {}
+        self._last: _Step | None = None
+        self._curve: list[CurvePoint] = []
 
     @property
     def views(self) -> Sequence[int]:
         """Numbers of the views that are held now."""
-        return tuple(self._seen[row].number for row in self._held)
+        return tuple(self._seen.held) if self._last is None else self._last.views
+
+    @property
+    def worth(self) -> Mapping[int, Worth]:
+        """What each view held is worth: how much worse the frames seen are shown without it."""
+        return self._worth() if self._last is None else self._last.worth
+
+    @property
+    def curve(self) -> Sequence[CurvePoint]:
+        """After the end, with a curve: how well fewer and fewer views show the frames seen."""
+        return self._curve
 
     def observe(self, candidate: Candidate) -> Decision:
         """Hold the frame, unless a view from the same place is; drop one view too many."""
         if not candidate.accepted:
             return Decision(False, "no depth")
-        row = self._see(candidate)
-        new = not self._held or float(self._cost_m[row, self._held].min()) > SAME_PLACE_M
+        number = candidate.number
+        touched = self._see(candidate)
+        new = not self._seen.held or self._seen.nearest_m(number) > SAME_PLACE_M
         if new:
-            self._hold(row, candidate.mpi(self._pixels))
-        changed = [
-            t
-            for t in range(len(self._seen))
-            if t == row or row in self._neighbours(t, self._held)[0]
-        ]
-        self._look_again(changed, also={row} if new else set())
-        if len(self._held) <= HELD_PER_VIEW * self._num_views:
+            self._hold(number, candidate.mpi(self._pixels))
+            touched.add(number)
+        shown_now = self._seen.shown_by(number, self._options.neighbours) if new else set[int]()
+        self._look_again(sorted(shown_now | {number}), also=touched)
+        if len(self._seen.held) <= self._most_held:
             if new:
                 return Decision(True, "held until views that are missed less are known")
             return Decision(False, "a view from the same place is held")
         gone = self._drop()
-        if gone == row:
+        if gone == number:
             return Decision(False, "the views held show the frames seen so far without it")
-        number = self._seen[gone].number
-        return Decision(new, f"view {number} is missed least", dropped=(number,))
+        return Decision(new, f"view {gone} is missed least", dropped=(gone,))
 
     def finish(self) -> Decision:
         """Drop the least missed until as many are held as are wanted."""
-        gone: list[int] = []
-        while len(self._held) > self._num_views:
-            gone.append(self._seen[self._drop()].number)
-        self._rendered.cache_clear()  # takes the most room
+        held = tuple(self._seen.held)
+        steps = [self._step()]
+        least = 1 if self._with_curve else self._num_views or 1
+        while len(self._seen.held) > least:
+            self._drop()
+            steps.append(self._step())
+        self._curve = [CurvePoint(len(step.views), step.psnr_db) for step in reversed(steps)]
+        wanted = self._num_views or enough(self._curve)
+        self._last = next((step for step in steps if len(step.views) <= wanted), steps[-1])
+        self._shown.forget_renderings()
+        gone = sorted(set(held) - set(self._last.views))
         return Decision(False, "missed least of all", dropped=tuple(gone))
 
-    def _see(self, candidate: Candidate) -> int:
-        """Remember a frame, and what it would cost to show it by the views held; return its row."""
-        if not self._seen:
+    def _see(self, candidate: Candidate) -> set[int]:
+        """Remember a frame; return which views that changes."""
+        if not self._pixels:
             width, height = candidate.camera.pinhole.size_px
             self._pixels = max(MIN_PIXELS, width * height // SHRINK)
+        number = candidate.number
         frame = candidate.frame(self._pixels)
         depth_m = float(np.median(candidate.mpi(self._pixels).plane_depths_m))
-        row = len(self._seen)
-        if row == len(self._cost_m):
-            room = max(64, row)
-            self._cost_m = np.pad(self._cost_m, (0, room), constant_values=np.inf)
-        points_m = overlap_points_m(frame.camera, depth_m)
-        self._seen.append(_Seen(candidate.number, frame.camera, frame.rgb, points_m))
-        self._shown_by[row] = frozenset()
-        if self._held:
-            cameras = [self._seen[i].camera for i in self._held]
-            self._cost_m[row, self._held] = overlap_costs_m(cameras, frame.camera, depth_m)
-        return row
+        self._shown.add_photo(number, frame)
+        self._seen.add(number, frame.camera, depth_m)
+        self._sharp.add(number, frame.camera, candidate.sharpness)
+        self._shown_by[number] = frozenset()
+        return self._forget() if len(self._seen) > self._most_seen else set()
 
-    def _hold(self, row: int, mpi: Mpi) -> None:
-        """Hold a frame as a view, and tell what all frames seen would cost to be shown by it."""
-        camera = self._seen[row].camera
-        positions_m = np.array([seen.camera.position_m for seen in self._seen])
-        distance_m = np.linalg.norm(positions_m - camera.position_m, axis=1)
-        overlap = camera.sees(np.array([seen.points_m for seen in self._seen])).mean(axis=-1)
-        self._cost_m[: row + 1, row] = costs_m(distance_m, overlap)
-        self._mpis[row] = mpi
-        self._held.append(row)
-        self._shows[row] = set()
+    def _forget(self) -> set[int]:
+        """Forget the frame seen that is closest in time to others; return which views showed it."""
+        gone = self._seen.remove_closest()
+        self._shown.remove_photo(gone)
+        self._sharp.remove(gone)
+        del self._error[gone], self._unseen[gone]
+        views = set(self._shown_by.pop(gone))
+        for i in views:
+            self._shows[i].discard(gone)
+        return views
+
+    def _hold(self, number: int, mpi: Mpi) -> None:
+        """Hold a frame as a view."""
+        self._seen.hold(number)
+        self._shown.add_mpi(number, mpi)
+        self._shows[number] = set()
 
     def _drop(self) -> int:
-        """Give up the view that is least missed; return its row."""
-        least = min(self._held, key=lambda i: self._missed[i])
-        self._held.remove(least)
-        del self._missed[least]
+        """Give up the view that is least missed; return its number.
+
+        What is missed of a view counts as much as it is sharp: of two that show the same, the
+        sharper one stays.
+        """
+        held = self._seen.held
+        missed = np.array([self._loss[i].missed for i in held])
+        least = held[int(np.argmin(np.where(missed > 0, missed * self._sharp.worth(held), missed)))]
+        self._seen.release(least)
+        del self._loss[least]
         self._look_again(sorted(self._shows[least]), also=set())
-        del self._shows[least], self._mpis[least]
+        del self._shows[least]
+        self._shown.remove_mpi(least)
         return least
 
     def _look_again(self, frames: Sequence[int], *, also: set[int]) -> None:
-        """Update the errors of frames, and how much the views that show them would be missed."""
+        """Update the errors of frames, and what is lost with the views that show them."""
         touched = set(also)
-        for t in frames:
-            touched |= self._shown_by[t]
+        blends = [self._blend(t) for t in frames]
+        for blend, (error, unseen) in zip(blends, self._errors(blends), strict=True):
+            t = blend.target
             for i in self._shown_by[t]:
                 self._shows[i].discard(t)
-            self._error[t], self._shown_by[t] = self._look(t, self._held)
-            for i in self._shown_by[t]:
+            touched |= self._shown_by[t]
+            self._error[t], self._unseen[t] = error, unseen
+            self._shown_by[t] = frozenset(blend.views)
+            for i in blend.views:
                 self._shows[i].add(t)
             touched |= self._shown_by[t]
-        for i in touched & set(self._held):
-            without = [k for k in self._held if k != i]
-            self._missed[i] = sum(
-                self._look(t, without)[0] ** EXPONENT - self._error[t] ** EXPONENT
-                for t in sorted(self._shows[i])
-            )
+        views = [i for i in self._seen.held if i in touched]
+        without = [self._blend(t, without=i) for i in views for t in sorted(self._shows[i])]
+        errors = iter(self._errors(without))
+        for i in views:
+            self._loss[i] = self._lost(sorted(self._shows[i]), errors)
 
-    def _neighbours(
-        self, target: int, views: Sequence[int]
-    ) -> tuple[list[int], Float[np.ndarray, "k"]]:
-        """Return the views that show a frame, and their weights."""
-        others = [i for i in views if i != target]
+    def _lost(self, frames: Sequence[int], errors: Iterator[tuple[float, float]]) -> Loss:
+        """Sum up what is lost, given the errors of frames without the view."""
+        missed = psnr_db = rises = unseen = 0.0
+        for t, (error_without, unseen_without) in zip(frames, errors, strict=False):
+            missed += error_without**EXPONENT - self._error[t] ** EXPONENT
+            psnr_db += _psnr_db(self._error[t]) - _psnr_db(error_without)
+            rises += error_without - self._error[t]
+            unseen += unseen_without - self._unseen[t]
+        return Loss(missed, psnr_db, rises, unseen)
+
+    def _blend(self, target: int, *, without: int | None = None) -> Blend:
+        """Return which views held show a frame, and their weights."""
+        views, weights = self._seen.neighbours(target, self._options.neighbours, without=without)
+        return Blend(target, views, weights)
+
+    def _errors(self, blends: Sequence[Blend]) -> list[tuple[float, float]]:
+        return [(error, unseen) for error, unseen in self._shown.errors(blends).tolist()]
+
+    def _step(self) -> _Step:
+        psnr_db = float(np.mean([_psnr_db(error) for error in self._error.values()] or [0.0]))
+        return _Step(tuple(self._seen.held), psnr_db, self._worth())
+
+    def _worth(self) -> dict[int, Worth]:
+        frames = max(1, len(self._seen))
+        return {
+            i: Worth(loss.psnr_db / frames, ALONE if 2 * loss.unseen > loss.error else WRONG)
+            for i, loss in self._loss.items()
+        }
+
+
+@dataclass(frozen=True)
+class _Step:
+    """The views held at one time, and how well they show the frames seen."""
+
+    views: tuple[int, ...]
+    psnr_db: float
+    worth: Mapping[int, Worth]
+
+
+class _SeenFrames:
+    """The frames seen, and what each costs to be shown by each of the views held."""
+
+    def __init__(self, most: int) -> None:
+        self.held: list[int] = []
+        self._numbers: list[int] = []
+        self._cameras: list[Camera] = []
+        self._depths_m: list[float] = []
+        self._points_m: list[Float64[np.ndarray, "n 3"]] = []
+        self._row: dict[int, int] = {}
+        self._cost_m = np.full((most, most), np.inf)
+        self._held_rows = np.zeros(0, dtype=np.int64)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def add(self, number: int, camera: Camera, depth_m: float) -> None:
+        """Add a frame, and what it costs to be shown by the views held."""
+        row = len(self._numbers)
+        self._row[number] = row
+        self._numbers.append(number)
+        self._cameras.append(camera)
+        self._points_m.append(overlap_points_m(camera, depth_m))
+        if self.held:
+            views = [self._cameras[i] for i in self._held_rows]
+            self._cost_m[row, self._held_rows] = overlap_costs_m(views, camera, depth_m)
+
+    def hold(self, number: int) -> None:
+        """Let a frame be a view, and find out what all frames cost to be shown by it."""
+        row = self._row[number]
+        camera = self._cameras[row]
+        positions_m = np.array([seen.position_m for seen in self._cameras])
+        distance_m = np.linalg.norm(positions_m - camera.position_m, axis=1)
+        overlap = camera.sees(np.array(self._points_m)).mean(axis=-1)
+        self._cost_m[: len(self), row] = costs_m(distance_m, overlap)
+        self.held.append(number)
+        self._find_held()
+
+    def release(self, number: int) -> None:
+        """Let a view be a frame again."""
+        self.held.remove(number)
+        self._find_held()
+
+    def nearest_m(self, number: int) -> float:
+        """Return the least cost of a frame to be shown by another one, as a view."""
+        return float(self._cost_m[self._row[number], self._held_rows].min())
+
+    def neighbours(
+        self, target: int, count: int, *, without: int | None = None
+    ) -> tuple[tuple[int, ...], Float64[np.ndarray, "k"]]:
+        """Return which views show a frame, which is none of them, and their weights."""
+        others = [i for i in self.held if i not in (target, without)]
         if not others:
-            return [], np.zeros(0)
-        best, weights = fading_weights(self._cost_m[target, others], self._options.neighbours)
-        return [others[k] for k in best], weights
+            return (), np.zeros(0)
+        rows = [self._row[i] for i in others]
+        best, weights = fading_weights(self._cost_m[self._row[target], rows], count)
+        return tuple(others[k] for k in best), weights
 
-    def _look(self, target: int, views: Sequence[int]) -> tuple[float, frozenset[int]]:
-        """Return the mean squared error of a frame as some views show it, and which do."""
-        neighbours, weights = self._neighbours(target, views)
-        if not neighbours:
-            return ALL_WRONG, frozenset()
-        key = (target, *neighbours, *np.round(weights, 2).tolist())
-        if key not in self._known:
-            renderings = [self._rendered(i, target) for i in neighbours]
-            shown = blend_renderings(renderings, weights.tolist(), opacity=self._options.opacity)
-            photo = self._seen[target].rgb.astype(np.float32) / np.float32(255)
-            wrong = np.clip(shown.rgba[..., :3], 0, 1) - photo
-            self._known[key] = float(np.mean(wrong * wrong))
-        return self._known[key], frozenset(neighbours)
+    def shown_by(self, view: int, count: int) -> set[int]:
+        """Return the frames that a view held is among the nearest of."""
+        cost_m = self._cost_m[: len(self), self._held_rows].copy()
+        cost_m[self._held_rows, np.arange(len(self.held))] = np.inf  # none shows itself
+        column = self.held.index(view)
+        if len(self.held) > count:
+            limit_m = np.partition(cost_m, count - 1, axis=1)[:, count - 1]
+        else:
+            limit_m = np.full(len(self), np.inf)
+        near = (cost_m[:, column] <= limit_m) & np.isfinite(cost_m[:, column])
+        return {self._numbers[row] for row in np.flatnonzero(near)}
 
-    def _render(self, view: int, target: int) -> Rendering:
-        return render(self._mpis[view], self._seen[target].camera)
+    def remove_closest(self) -> int:
+        """Remove the frame, no view and not the last, whose neighbours in time are the closest."""
+        rows = [r for r in range(1, len(self) - 1) if self._numbers[r] not in set(self.held)]
+        gone = min(rows, key=lambda r: self._numbers[r + 1] - self._numbers[r - 1])
+        number = self._numbers.pop(gone)
+        del self._cameras[gone], self._points_m[gone]
+        kept = np.delete(np.arange(len(self._cost_m)), gone)
+        self._cost_m[:-1, :-1] = self._cost_m[np.ix_(kept, kept)]
+        self._cost_m[-1], self._cost_m[:, -1] = np.inf, np.inf
+        self._row = {number: row for row, number in enumerate(self._numbers)}
+        self._find_held()
+        return number
+
+    def _find_held(self) -> None:
+        self._held_rows = np.array([self._row[i] for i in self.held], dtype=np.int64)
+
+
+def enough(curve: Sequence[CurvePoint], *, gain_db: float = GAIN_DB) -> int:
+    """Return the least number of views of which twice as many would gain less than `gain_db`.
+
+    Args:
+        curve: Points in rising number of views; where it ends, nothing more can be gained.
+        gain_db: What twice as many views must bring to be worth it.
+    """
+    psnr_db = np.maximum.accumulate([point.psnr_db for point in curve])
+    numbers = [point.num_views for point in curve]
+    for number, here_db in zip(numbers, psnr_db, strict=True):
+        if float(np.interp(2 * number, numbers, psnr_db)) - here_db < gain_db:
+            return number
+    raise ValueError("need a point of the curve")
+
+
+def _psnr_db(error: float) -> float:
+    return -10.0 * math.log10(max(error, MIN_ERROR))

@@ -6,9 +6,9 @@ the whole path beforehand; it serves to compare with, and to thin out what was t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -32,6 +32,41 @@ class Decision:
     dropped: tuple[int, ...] = ()
 
 
+Why = Literal["shows what no other does", "wrong without it", "sharper than its neighbours"]
+"""Why a view is kept."""
+
+ALONE: Why = "shows what no other does"
+WRONG: Why = "wrong without it"
+SHARPER: Why = "sharper than its neighbours"
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What a view is worth.
+
+    Attributes:
+        psnr_db: How much worse the frames seen are shown without it, in decibels of their mean
+            PSNR; about 0 or less where others show the same.
+        why: Why it is kept.
+    """
+
+    psnr_db: float
+    why: Why
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """How well a number of views shows the frames seen.
+
+    Attributes:
+        num_views: So many.
+        psnr_db: Mean PSNR of the frames seen, each shown by other views than itself.
+    """
+
+    num_views: int
+    psnr_db: float
+
+
 @runtime_checkable
 class Candidate(Protocol):
     """A frame that may become a view, looked at only as far as a policy asks."""
@@ -49,6 +84,11 @@ class Candidate(Protocol):
     @property
     def accepted(self) -> bool:
         """Whether it can become a view: its depth is known, or can be estimated."""
+        ...
+
+    @property
+    def sharpness(self) -> float:
+        """How sharp it is (`peaking.selection.sharpness.sharpness`), at the working size."""
         ...
 
     def frame(self, pixels: int) -> Frame:
@@ -75,6 +115,11 @@ class Policy(Protocol):
     @property
     def views(self) -> Sequence[int]:
         """Numbers of the views that are held now, in the order of the path."""
+        ...
+
+    @property
+    def worth(self) -> Mapping[int, Worth]:
+        """What the views held are worth, by number; nothing where the policy does not know."""
         ...
 
     def observe(self, candidate: Candidate) -> Decision:
@@ -127,6 +172,11 @@ class Chosen:
     def views(self) -> Sequence[int]:
         """Numbers of the views taken so far."""
         return tuple(self._views)
+
+    @property
+    def worth(self) -> Mapping[int, Worth]:
+        """Nothing is known of it."""
+        return {}
 
     def observe(self, candidate: Candidate) -> Decision:
         """Take the frame if it was chosen."""

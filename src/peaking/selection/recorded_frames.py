@@ -29,6 +29,7 @@ from peaking.rendering import Rendering
 from peaking.selection.mpi_files import MpiFiles
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, select_from
+from peaking.selection.sharpness import sharpness
 from peaking.timing import Stopwatch
 from peaking.view_builder import ViewBuilder
 from peaking.view_weights import Neighbour
@@ -60,6 +61,7 @@ class RecordedFrames:
         max_mpis: int = MAX_MPIS,
         shared: Path | None = None,
         clock_s: Callable[[], float] = time.process_time,
+        read: Callable[[int], Frame] | None = None,
     ) -> None:
         """Look at a recording with the method's options.
 
@@ -70,6 +72,7 @@ class RecordedFrames:
             shared: Folder for MPIs that other processes make or need too; none: those that are not
                 in memory are made again.
             clock_s: Of the stages.
+            read: Returns a frame of the recording; none: as it does, each frame once in a row.
         """
         self.stopwatch = Stopwatch(clock_s)
         """Takes the processor time of reading, generating and rendering; not that of the rest."""
@@ -77,13 +80,16 @@ class RecordedFrames:
         self._max_mpis = max_mpis
         self._other_sizes: dict[int, RecordedFrames] = {}
         self._shared = shared
+        self._clock_s = clock_s
         self._files = None if shared is None else MpiFiles(shared / _name_of(options))
         self.recording = recording
         self.options = options
+        self._read = lru_cache(maxsize=1)(recording.read) if read is None else read
         self._builder = ViewBuilder(options)
         self._scratch = Scratch()
         self.frame = lru_cache(maxsize=MAX_FRAMES)(self._frame)
         self.mpi = lru_cache(maxsize=max_mpis)(self._mpi)
+        self.sharpness = lru_cache(maxsize=MAX_SHARES)(self._sharpness)
         self.peaked_share = lru_cache(maxsize=MAX_SHARES)(self._peaked_share)
 
     def __len__(self) -> int:
@@ -130,6 +136,8 @@ class RecordedFrames:
                 replace(self.options, pixels=pixels),
                 max_mpis=smaller * self._max_mpis,
                 shared=self._shared,
+                clock_s=self._clock_s,
+                read=self._read,
             )
         return self._other_sizes[pixels]
 
@@ -182,10 +190,13 @@ class RecordedFrames:
         rendering = self.render(views, frame.camera)
         return compare_with(self.options, rendering, frame.rgb).within(frame.mask).peaked_share
 
+    def _sharpness(self, index: int) -> float:
+        return sharpness(self.frame(index).rgb)
+
     def _frame(self, index: int) -> Frame:
         """Read a frame and make it small; its depth is left out, which would take the most room."""
         with self.stopwatch.stage("reading"):
-            return replace(self._builder.prepare(self.recording.read(index)), depth_m=None)
+            return replace(self._builder.prepare(self._read(index)), depth_m=None)
 
     def _mpi(self, index: int) -> Mpi:
         if self._files is None:
@@ -196,7 +207,7 @@ class RecordedFrames:
 
     def _made(self, index: int) -> Mpi:
         with self.stopwatch.stage("reading"):
-            frame = self.recording.read(index)
+            frame = self._read(index)
         self.mpis_made += 1
         with self.stopwatch.stage("generating"):
             return self._builder.generate(frame)
@@ -218,6 +229,11 @@ class RecordedCandidate:
     def accepted(self) -> bool:
         """Whether it has depth, or none has and there are only poses to go by."""
         return self.frames.recording.has_depth[self.number] or not self.frames.with_depth
+
+    @property
+    def sharpness(self) -> float:
+        """How sharp it is at the working size."""
+        return self.frames.sharpness(self.number)
 
     def frame(self, pixels: int) -> Frame:
         """Return the picture and its camera with about so many pixels."""

@@ -11,9 +11,12 @@ import numpy as np
 from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options, PolicyName
 from peaking.selection.all_frames import choose_all
 from peaking.selection.backward_elimination import BackwardElimination
+from peaking.selection.coverage import choose_by_coverage
+from peaking.selection.every_nth import choose_every_nth
 from peaking.selection.farthest import choose_farthest
 from peaking.selection.policy import CandidatePath, Chooser, Chosen, Policy, walk
 from peaking.selection.random_subset import choose_randomly
+from peaking.selection.sharpest import choose_sharpest
 from peaking.selection.spacing import Spacing, choose_by_spacing
 from peaking.selection.threshold import Threshold, choose_by_threshold
 from peaking.selection.uniform import choose_uniform
@@ -106,7 +109,10 @@ POLICIES: Mapping[PolicyName, PolicyKind] = {
     "peaking": PolicyKind(create=_backward_elimination, needs_depth=True),
     "threshold": PolicyKind(create=_threshold, choose=choose_by_threshold, needs_depth=True),
     "uniform": PolicyKind(choose=choose_uniform),
+    "every-nth": PolicyKind(choose=choose_every_nth),
+    "sharpest": PolicyKind(choose=choose_sharpest),
     "farthest": PolicyKind(choose=choose_farthest),
+    "coverage": PolicyKind(choose=choose_by_coverage),
     "plenoptic": PolicyKind(create=_spacing, choose=choose_by_spacing),
     "random": PolicyKind(choose=choose_randomly, is_random=True),
     "all": PolicyKind(choose=choose_all, all_frames=True),

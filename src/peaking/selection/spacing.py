@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float64
 
-from peaking.selection.policy import Candidate, CandidatePath, Decision
+from peaking.selection.policy import Candidate, CandidatePath, Decision, Worth
 
 BISECTIONS = 60
 """Of the spacing, to find the one that gives a number of views."""
@@ -37,6 +37,11 @@ class Spacing:
     def views(self) -> Sequence[int]:
         """Numbers of the views taken so far."""
         return tuple(self._views)
+
+    @property
+    def worth(self) -> Mapping[int, Worth]:
+        """Nothing is known of it."""
+        return {}
 
     def observe(self, candidate: Candidate) -> Decision:
         """Take the frame if no view is near."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from peaking.options import PAPER_PEAKED_SHARE
-from peaking.selection.policy import Candidate, CandidatePath, Decision
+from peaking.selection.policy import Candidate, CandidatePath, Decision, Worth
 
 MAX_WALKS = 12
 """Walks to find the threshold that gives a number of views."""
@@ -38,6 +38,11 @@ class Threshold:
     def shares(self) -> Sequence[float]:
         """How much was red when each view was taken; 1 for the first."""
         return tuple(self._shares)
+
+    @property
+    def worth(self) -> Mapping[int, Worth]:
+        """Nothing is known of it."""
+        return {}
 
     def observe(self, candidate: Candidate) -> Decision:
         """Take the frame if too much of it is red."""

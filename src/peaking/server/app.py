@@ -59,6 +59,7 @@ from peaking.server.told import cause_of, without_paths
 from peaking.server.traces import Played
 from peaking.server.turns import Turns
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
+from peaking.server.warm_up import WarmUp
 
 ERASED_EVERY_S = 3600.0
 STORED_AT_ONCE = 4
@@ -117,20 +118,26 @@ class _Handlers:
     """The handlers, and what they need."""
 
     def __init__(
-        self, store: SessionStore, config: ServerOptions, hub: Hub, admission: Admission
+        self,
+        store: SessionStore,
+        config: ServerOptions,
+        hub: Hub,
+        admission: Admission,
+        warm_up: WarmUp,
     ) -> None:
         """Begin to make the MPIs that are missing."""
         self.store = store
         self.admission = admission
         self.config = config
         self.hub = hub
+        self.warm_up = warm_up
         self._storing = Turns(STORED_AT_ONCE, name="store", session_by_session=True)
         self._pictures = Turns(DECODINGS_AT_ONCE, name="picture")
         self._selecting = Turns(1, name="select")  # it computes for seconds
         self._selections = FairRoom(MAX_SELECTIONS)
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
-        self.queue = GenerationQueue(config.options, on_done=self._made)
+        self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
         store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
@@ -162,7 +169,8 @@ class _Handlers:
                 version=peaking.__version__,
                 options=wire.options_for_clients(options),
                 recordings=list(self.config.recordings),
-                warm=self.queue.warm,
+                warm=self.warm_up.done,
+                warm_share=self.warm_up.share,
                 max_upload_bytes=self.config.max_upload_bytes,
             )
         )
@@ -464,6 +472,7 @@ def create_app(
     config: ServerOptions,
     hub: Hub | None = None,
     admission: Admission | None = None,
+    warm_up: WarmUp | None = None,
 ) -> Starlette:
     """Return the application; a test can hold ten of them.
 
@@ -472,9 +481,10 @@ def create_app(
         config: What is served, and to whom.
         hub: Ends all streams of events when it is closed; one of its own by default.
         admission: Who may begin sessions and add to them; everybody by default.
+        warm_up: What is done first; tells how far it is.
     """
     mimetypes.init()  # reads files; Starlette would do that on the event loop
-    server = _Handlers(store, config, hub or Hub(), admission or Everybody())
+    server = _Handlers(store, config, hub or Hub(), admission or Everybody(), warm_up or WarmUp())
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None, None]:

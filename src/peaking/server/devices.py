@@ -29,7 +29,7 @@ import msgspec
 
 from peaking.errors import OutputError
 from peaking.foreign_json import decode_json
-from peaking.output import write_atomically
+from peaking.output import check_folder, write_atomically
 from peaking.server.guessing import Guesses
 from peaking.server.pairing_codes import DEVICE, Grant, PairingCodes, Role, digest
 
@@ -139,6 +139,7 @@ class Devices:
         self.problems: list[str] = []
         self.codes = PairingCodes(clock=clock)
         self.guesses = Guesses()
+        check_folder(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             self._path.parent.mkdir(exist_ok=True, mode=0o700)

@@ -10,12 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from peaking.depth.registry import create_estimator
 from peaking.errors import MpiFileError, PeakingError, RecordingError
 from peaking.frame import Frame
-from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.metric_depth import CapturedView, views_to_ask
 from peaking.mpi_file import encode, read_mpi
 from peaking.options import Options
@@ -28,6 +25,7 @@ from peaking.server.open_session import OpenSession
 from peaking.server.session_state import FAST
 from peaking.server.told import cause_of
 from peaking.server.upload import camera_of_wire
+from peaking.server.warm_up import WarmUp
 from peaking.view_builder import ViewBuilder
 
 CAPACITY = 512
@@ -65,13 +63,20 @@ class GenerationQueue:
     """
 
     def __init__(
-        self, options: Options, *, on_done: Done, workers: int = 1, capacity: int = CAPACITY
+        self,
+        options: Options,
+        *,
+        on_done: Done,
+        warm_up: WarmUp,
+        workers: int = 1,
+        capacity: int = CAPACITY,
     ) -> None:
         """Start the threads.
 
         Args:
             options: How MPIs are made.
             on_done: Called from a worker when an MPI is ready or has failed.
+            warm_up: What a worker does first.
             workers: Threads that make MPIs at once.
             capacity: Captures that may wait or be on their way.
 
@@ -86,7 +91,7 @@ class GenerationQueue:
         self._short_of_room: queue.SimpleQueue[Waiting] = queue.SimpleQueue()
         self._disk_full = False
         self._attempts = Attempts()
-        self._warm = threading.Event()
+        self._warm_up = warm_up
         self._fast = replace(options, generator=FAST)
         self._estimator = None
         if options.depth_model is not None:
@@ -112,11 +117,6 @@ class GenerationQueue:
     def idle(self) -> bool:
         """Whether nothing waits."""
         return self._waiting.empty
-
-    @property
-    def warm(self) -> bool:
-        """Whether all kernels are compiled."""
-        return self._warm.is_set()
 
     def reserve(self, device: str, session: OpenSession) -> Share:
         """Take a place for a capture that is on its way; for the thread of the event loop.
@@ -157,8 +157,7 @@ class GenerationQueue:
 
     def _work(self) -> None:
         builder = ViewBuilder(self._fast, estimator=self._estimator)
-        encode(builder.generate(_small_frame()))
-        self._warm.set()
+        self._warm_up.run(builder)
         _serve_all(self._next, lambda item: self._serve(builder, item))
 
     def _next(self) -> Waiting | None:
@@ -311,15 +310,3 @@ def _kept(session: OpenSession, capture: wire.Capture, made: CapturedView) -> wi
         ", of a guessed scale" if kept.guessed else "",
     )
     return kept
-
-
-def _small_frame() -> Frame:
-    """Return a frame that takes all kernels through their paces, and compiles them."""
-    height, width = 64, 32
-    y, x = np.mgrid[0:height, 0:width]
-    rgb = np.stack([x * 7 % 256, y * 3 % 256, (x * y) % 256], axis=-1).astype(np.uint8)
-    depth_m = np.where(x < width // 2, 1.0, 2.0).astype(np.float32)
-    depth_m[:8] = 0.0
-    pinhole = Pinhole(width, height, 40.0, 40.0, width / 2, height / 2)
-    here = Rigid[World, Cam].identity()
-    return Frame("warm-up", rgb, Camera(pinhole, here), depth_m)

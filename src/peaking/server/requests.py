@@ -11,7 +11,7 @@ from starlette.types import Scope
 
 from peaking.foreign_json import decode_json
 from peaking.server import wire
-from peaking.server.upload import BadUpload
+from peaking.server.upload import BadUpload, CutOff
 
 MAX_JSON_BYTES = 1_000_000
 MAX_STRANGER_BYTES = 4_000
@@ -99,6 +99,7 @@ async def read_body(request: Request, max_bytes: int) -> bytearray:
 
     Raises:
         BadUpload: It is too long, for anybody or for somebody who is not paired.
+        CutOff: It ended too early.
     """
     if PAIRED not in request.scope:
         max_bytes = min(max_bytes, MAX_STRANGER_BYTES)
@@ -113,7 +114,7 @@ async def read_body(request: Request, max_bytes: int) -> bytearray:
                     break
                 body += part
         except ClientDisconnect:
-            raise BadUpload("The request ended before its body did.", status=400) from None
+            raise CutOff("the request ended before its body did") from None
     if size > max_bytes:
         raise BadUpload(
             f"The request has more than {max_bytes:,} bytes.", status=413, kind="too-large"

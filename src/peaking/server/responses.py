@@ -19,6 +19,7 @@ from peaking.server.fair_room import Busy
 
 ProblemKind = Literal[
     "busy",
+    "cut-off",
     "deleted",
     "disk-full",
     "erased",
@@ -33,6 +34,7 @@ ProblemKind = Literal[
 
 TITLES: Mapping[ProblemKind, str] = {
     "busy": "The server is busy",
+    "cut-off": "The upload was cut off",
     "deleted": "The session was deleted",
     "disk-full": "The server's disk is full",
     "erased": "The session was erased",

@@ -17,6 +17,7 @@ from peaking.mpi_file import read_mpi
 from peaking.options import Options
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, create_policy
+from peaking.selection.sharpness import sharpness
 from peaking.server import wire
 from peaking.server.open_session import OpenSession
 from peaking.server.upload import BadUpload
@@ -97,6 +98,9 @@ class _CapturedViews:
         builder = self._builder.with_pixels(pixels)
         return builder.prepare(self._session.frame_of(self._ids[number]))
 
+    def sharpness(self, number: int) -> float:
+        return sharpness(self.frame(number, self._options.pixels).rgb)
+
     def small_mpi(self, number: int, pixels: int) -> Mpi:
         """Return an MPI of another size: as a rule of depth by the sensor, else of the MPI kept."""
         frame = self._session.frame_of(self._ids[number])
@@ -137,6 +141,11 @@ class CapturedCandidate:
     def accepted(self) -> bool:
         """Whether it can be kept: all candidates have an MPI."""
         return True
+
+    @property
+    def sharpness(self) -> float:
+        """How sharp it is at the working size."""
+        return self.views.sharpness(self.number)
 
     def frame(self, pixels: int) -> Frame:
         """Return the photo and its camera with about so many pixels."""

@@ -30,6 +30,7 @@ from peaking.server.events import Hub
 from peaking.server.http_connection import HttpConnection
 from peaking.server.plain_http import begins_tls, send_to_https
 from peaking.server.sessions import SessionStore
+from peaking.server.warm_up import WarmUp
 from peaking.terminal import LOGGING
 
 CLIENT_DIR = Path(__file__).parent / "client"
@@ -82,6 +83,7 @@ def serve(
     context: ssl.SSLContext | None = None,
     started: Callable[[], None],
     told: Callable[[str], None],
+    warm_up: WarmUp,
 ) -> None:
     """Serve until Ctrl-C.
 
@@ -92,13 +94,15 @@ def serve(
         context: For https.
         started: Called when requests are answered.
         told: Hears of sessions that cannot be opened.
+        warm_up: What is done first.
     """
-    store = SessionStore(sessions)
-    for problem in store.problems:
-        told(problem)
-    hub = Hub()
-    app = create_app(store=store, config=config, hub=hub)
-    run(listener, app, context=context, started=started, stopping=hub.close)
+    with listener:
+        store = SessionStore(sessions)
+        for problem in store.problems:
+            told(problem)
+        hub = Hub()
+        app = create_app(store=store, config=config, hub=hub, warm_up=warm_up)
+        run(listener, app, context=context, started=started, stopping=hub.close)
 
 
 def run(

@@ -22,7 +22,7 @@ import msgspec
 
 from peaking.errors import OutputError
 from peaking.foreign_json import decode_json
-from peaking.output import flush
+from peaking.output import check_folder, flush
 from peaking.server import session_log, wire
 
 PRIVATE = 0o700
@@ -59,6 +59,7 @@ class StoreFolder:
             OutputError: Another process has it, or it cannot be written to.
         """
         self.root = root
+        check_folder(root)
         try:
             if not root.is_dir():
                 root.mkdir(parents=True, mode=PRIVATE)

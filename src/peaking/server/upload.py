@@ -13,7 +13,7 @@ from peaking.errors import PeakingError
 from peaking.foreign_json import decode_json
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.output import SATURATED_MM
-from peaking.pictures.jpeg import check_jpeg, segments
+from peaking.pictures.jpeg import EOI, BrokenOff, check_jpeg, segments
 from peaking.pictures.metadata import jpeg_without_metadata
 from peaking.pictures.too_costly import TooCostly
 from peaking.server import wire
@@ -37,6 +37,16 @@ class BadUpload(PeakingError):
         super().__init__(problem)
         self.status = status
         self.kind: ProblemKind = kind
+
+
+class CutOff(BadUpload):
+    """Not all of it arrived: it is to be sent again."""
+
+    def __init__(self, cause: str) -> None:
+        """Keep what is missing."""
+        super().__init__(
+            f"The upload was cut off ({cause}). Send it again.", status=400, kind="cut-off"
+        )
 
 
 def check_protocol(spoken: int, *, by: str) -> None:
@@ -80,6 +90,7 @@ def parse_upload(body: bytes | bytearray, *, keep_exif: bool = False) -> Upload:
 
     Raises:
         BadUpload: Anything about it is wrong.
+        CutOff: A part is missing at its end, or at the end of its photo.
     """
     header, rest = _header(memoryview(body))
     check_protocol(header.protocol, by="phone")
@@ -87,21 +98,19 @@ def parse_upload(body: bytes | bytearray, *, keep_exif: bool = False) -> Upload:
     if header.corrected_world_from_cam is not None:
         pose_of_wire(header.corrected_world_from_cam, name="corrected_world_from_cam")
     if len(rest) < header.photo_bytes:
-        raise BadUpload(
-            f"The upload is incomplete: photo_bytes is {header.photo_bytes}, but {len(rest)} bytes "
-            "arrived.",
-            status=400,
-        )
+        raise CutOff(f"photo_bytes is {header.photo_bytes}, but {len(rest)} bytes arrived")
     photo, rest = rest[: header.photo_bytes], rest[header.photo_bytes :]
     bare = _checked_photo(photo, header.camera.pinhole)
     depth_bytes = 2 * header.depth.width_px * header.depth.height_px if header.depth else 0
     points_bytes = BYTES_OF_POINT * header.points
     if len(rest) != depth_bytes + points_bytes:
-        raise BadUpload(
+        what = (
             f"{len(rest)} bytes of depth and points arrived, but the header says {depth_bytes} and "
-            f"{points_bytes}.",
-            status=400,
+            f"{points_bytes}"
         )
+        if len(rest) < depth_bytes + points_bytes:
+            raise CutOff(what)
+        raise BadUpload(f"{what}.", status=400)
     depth_mm, points_m = _depth(rest[:depth_bytes], header), _points(rest[depth_bytes:])
     return Upload(header, bytes(photo) if keep_exif else bare, depth_mm, points_m)
 
@@ -140,14 +149,12 @@ def pose_of_wire(pose: wire.Pose, *, name: str) -> Rigid[World, Cam]:
 
 def _header(body: memoryview) -> tuple[wire.CaptureHeader, memoryview]:
     if len(body) < 4:
-        raise BadUpload("The upload is shorter than its own header.", status=400)
+        raise CutOff("it is shorter than its own header")
     (length,) = struct.unpack_from("<I", body)
-    if length > len(body) - 4:
-        raise BadUpload(
-            f"The header claims {length} bytes, but the upload has only {len(body)}.", status=400
-        )
     if not 2 <= length <= MAX_HEADER_BYTES:
         raise BadUpload(f"A header has 2 to {MAX_HEADER_BYTES:,} bytes, not {length}.", status=400)
+    if length > len(body) - 4:
+        raise CutOff(f"the header claims {length} bytes, but the upload has only {len(body)}")
     try:
         header = decode_json(body[4 : 4 + length], wire.CaptureHeader)
     except ValueError as error:
@@ -159,11 +166,15 @@ def _checked_photo(photo: memoryview, pinhole: wire.Pinhole) -> bytes:
     """Return the JPEG without metadata, after a look at its size and scans; nothing is decoded."""
     try:
         parts = list(segments(photo))
+        if not parts or parts[-1].marker != EOI:
+            raise CutOff("the photo has no end")
         width, height = check_jpeg(photo, parts)
         bare = jpeg_without_metadata(photo, parts)
         told_height, told_width, _, _ = simplejpeg.decode_jpeg_header(bare)
     except TooCostly as error:
         raise BadUpload(f"The photo {error}; {error.remedy}.") from error
+    except BrokenOff as error:
+        raise CutOff(f"the photo {error}") from error
     except (ValueError, KeyError) as error:  # KeyError: simplejpeg does not know its colours
         raise BadUpload(f"The photo is not a readable JPEG ({error}).") from error
     if (width, height) != (told_width, told_height):

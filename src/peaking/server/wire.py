@@ -348,7 +348,9 @@ class ServerInfo(Struct, frozen=True):
     recordings: list[str]
     """What can be played as the camera: GET /api/v1/recordings/{name}."""
     warm: bool
-    """False while the server is still compiling: the first MPI then takes half a minute."""
+    """False while the server is still compiling: the first MPI waits until it is done."""
+    warm_share: float
+    """How much of that is done, 0…1."""
     max_upload_bytes: int
 
 

@@ -159,21 +159,20 @@ class Trial(msgspec.Struct, frozen=True):
         return f"t{self.position}"
 
 
-def load_protocol(path: Path) -> Protocol:
-    """Read and check protocol.toml; `path` is the file or the study's folder.
+def load_protocol(folder: Path) -> Protocol:
+    """Read and check protocol.toml in the folder of a study.
 
     Raises:
         StudyError: It is not there, or a field is wrong; the sentence says which and what to do.
     """
-    file = path / FILE_NAME if path.is_dir() else path
+    file = folder / FILE_NAME
+    if folder.is_file():
+        raise StudyError(folder, "is a file", remedy="give the folder of a study")
     try:
         text = file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise StudyError(
-            file,
-            "is not there",
-            remedy=f"make one with: peaking study init {file.parent if file != path else path}",
-        ) from None
+    except (FileNotFoundError, NotADirectoryError):
+        remedy = f"make one with: peaking study init {folder}"
+        raise StudyError(file, "is not there", remedy=remedy) from None
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(file, f"cannot be read ({error})", remedy="give a text file") from error
     return parse_protocol(text, file)

@@ -10,7 +10,7 @@ import type { Pacing } from '../server/pacing';
 import type { Capture, NewSession, PeakedSample } from '../wire';
 import { askToPersist, type CaptureDb } from './capture_db';
 import {
-  NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf, type CaptureAction, type CapturedView,
+  listsTheSame, NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf, type CaptureAction, type CapturedView,
   type CaptureState,
 } from './capture_state';
 import { PeakedReporter } from './peaked_reporter';
@@ -23,6 +23,7 @@ export type { CapturedView, ViewState } from './capture_state';
 export interface SessionSnapshot {
   readonly id: string;
   readonly name: string;
+  /** The same array while none of them changes. */
   readonly views: readonly CapturedView[];
   /** Undone or set aside, and can be brought back. */
   readonly restorable: readonly CapturedView[];
@@ -76,6 +77,8 @@ export class CaptureSession implements Disposable {
   #pendingName: string | null = null;
   #finished: SessionSnapshot['finished'] = 'no';
   #snapshot: SessionSnapshot;
+  /** What `views` and `restorable` of the snapshot were listed from. */
+  #listed: CaptureState | null = null;
   #reading: Promise<void> = Promise.resolve();
 
   private constructor(readonly id: string, readonly options: CaptureSessionOptions) {
@@ -350,11 +353,14 @@ export class CaptureSession implements Disposable {
     const { api, db, name } = this.options;
     const thumbnailUrlOf = (id: string): string =>
       this.#thumbnails.get(id) ?? api.thumbnailUrl(this.id, id);
+    // Of a long session the lists are long, and news about it come every few seconds.
+    const isListed = this.#listed !== null && listsTheSame(this.#state, this.#listed);
+    this.#listed = this.#state;
     return {
       id: this.id,
       name: this.#pendingName ?? this.#state.summary?.name ?? name,
-      views: viewsOf(this.#state, thumbnailUrlOf),
-      restorable: restorableOf(this.#state, thumbnailUrlOf),
+      views: isListed ? this.#snapshot.views : viewsOf(this.#state, thumbnailUrlOf),
+      restorable: isListed ? this.#snapshot.restorable : restorableOf(this.#state, thumbnailUrlOf),
       connection: this.#state.connection,
       trouble: this.#state.trouble ?? this.#refusal,
       storageProblem: db.problem,

@@ -85,6 +85,12 @@ export function reduce(state: CaptureState, action: CaptureAction): CaptureState
   }
 }
 
+/** Whether the lists of two states are the same, but for where thumbnails are. */
+export function listsTheSame(one: CaptureState, other: CaptureState): boolean {
+  return one.locals === other.locals && one.remotes === other.remotes
+    && one.uploadingId === other.uploadingId;
+}
+
 /** The list for the photographer: in the order the photos were taken, without undone ones. */
 export function viewsOf(
   state: CaptureState, thumbnailUrlOf: (id: string) => string,

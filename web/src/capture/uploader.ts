@@ -47,6 +47,7 @@ type Outcome =
 const NOTHING: Outcome = { kind: 'nothing' };
 const DONE: Outcome = { kind: 'done' };
 const LOCK = 'peaking-uploader';
+const CUT_OFF_AT_MOST = 3;
 /** A full disk and a lost pairing are put right by people. */
 const SLOW_MS = 10_000;
 
@@ -291,7 +292,15 @@ export class Uploader {
       case 507: return this.#retry(SLOW_MS, 'time');
       case 0: return this.#retry(0, 'online');
       default:
-        if (capture !== null && error.status !== 503) this.#sendLater(capture.id);
+        if (capture !== null && error.status !== 503) {
+          // What arrives without its end each time lies here without it.
+          if (error.kind === 'cut-off' && (this.#serverFailed.get(capture.id) ?? 0) + 1 >= CUT_OFF_AT_MOST) {
+            this.#serverFailed.delete(capture.id);
+            await this.#refuse(capture.id, error.problem);
+            return DONE;
+          }
+          this.#sendLater(capture.id);
+        }
         return this.#retry((error.retryAfter_s ?? 0) * 1000, 'time');
     }
   }

@@ -3,6 +3,7 @@
 import type { Camera } from '../geometry';
 import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
 import { HoleFiller } from './hole_filling';
+import keepFragment from './keep.frag.glsl?raw';
 import type { NearViews } from './near_views';
 import opacityFragment from './opacity.frag.glsl?raw';
 import { Program } from './program';
@@ -27,6 +28,7 @@ export class Filling implements Disposable {
   most = Infinity;
   readonly #gl: WebGL2RenderingContext;
   readonly #opacity: Program;
+  readonly #keep: Program;
   readonly #under: Program;
   readonly #filler: HoleFiller;
   /** The views that fill, best first; as long as they are. */
@@ -40,11 +42,13 @@ export class Filling implements Disposable {
     this.#gl = gl;
     this.#filler = new HoleFiller(most);
     this.#opacity = new Program(gl, screenVertex, opacityFragment);
+    this.#keep = new Program(gl, screenVertex, keepFragment);
     this.#under = new Program(gl, screenVertex, underFragment);
   }
 
   [Symbol.dispose](): void {
     this.#opacity[Symbol.dispose]();
+    this.#keep[Symbol.dispose]();
     this.#under[Symbol.dispose]();
   }
 
@@ -66,32 +70,33 @@ export class Filling implements Disposable {
     }
   }
 
-  /** Render those that are not there yet. Returns whether anything is new. */
-  render(store: MpiStore, near: NearViews, camera: Camera, targets: Targets): boolean {
+  /** Find those that are on the card. Returns whether they are others than before. */
+  find(store: MpiStore, near: NearViews, { filledFrom }: Targets): boolean {
     let changed = false;
-    for (let k = 0; k < targets.filling.length; k += 1) {
-      const place = targets.filling[k];
+    for (let k = 0; k < filledFrom.length; k += 1) {
       const id = k < this.most ? this.#ids[k] : undefined;
-      if (place === undefined) continue;
       const mpi = id === undefined || near.ids.includes(id) ? null : store.want(id);
-      if (place.mpi === mpi) continue;
-      if (mpi !== null) this.drawing.renderMpi(mpi, camera, place.target);
-      place.mpi = mpi;
+      if (filledFrom[k] === mpi) continue;
+      filledFrom[k] = mpi;
       changed = true;
     }
     return changed;
   }
 
-  /** Ask what is empty in what was blended, then draw under it. */
-  draw(targets: Targets): void {
+  /** Ask what is empty in what was blended, then draw under it: of each view, what is not yet opaque. */
+  draw(camera: Camera, targets: Targets): void {
     this.#ask(targets);
     const gl = this.#gl;
-    for (let k = 0; k < targets.filling.length; k += 1) {
-      const place = targets.filling[k];
-      if (place === undefined || place.mpi === null) continue;
+    for (const mpi of targets.filledFrom) {
+      if (mpi === null) continue;
+      gl.enable(gl.DEPTH_TEST);
+      this.#keepOpaque(targets);
+      this.drawing.renderMpi(mpi, camera, targets.filling);
+      gl.disable(gl.DEPTH_TEST);
+      gl.depthMask(true);
       targets.view.begin();
       this.#under.use();
-      this.drawing.bind(0, place.target.texture);
+      this.drawing.bind(0, targets.filling.texture);
       gl.uniform1i(this.#under.uniform('view'), 0);
       gl.enable(gl.BLEND);
       gl.blendEquation(gl.FUNC_ADD);
@@ -101,8 +106,26 @@ export class Filling implements Disposable {
     }
   }
 
+  /** Let nothing be drawn where the picture is opaque: most of an MPI, which is most of its time. */
+  #keepOpaque({ view, filling }: Targets): void {
+    const gl = this.#gl;
+    filling.begin();
+    gl.depthMask(true);
+    gl.clearDepth(1);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.depthFunc(gl.ALWAYS);
+    gl.colorMask(false, false, false, false);
+    this.#keep.use();
+    this.drawing.bind(0, view.texture);
+    gl.uniform1i(this.#keep.uniform('view'), 0);
+    this.drawing.cover();
+    gl.colorMask(true, true, true, true);
+    gl.depthMask(false);
+    gl.depthFunc(gl.LEQUAL);
+  }
+
   #ask(targets: Targets): void {
-    if (targets.filling.length === 0 || targets.opacityBack.pending) return;
+    if (targets.filledFrom.length === 0 || targets.opacityBack.pending) return;
     if (this.#frame % EVERY_FRAMES !== 0 && targets.asked) return;
     targets.asked = true;
     targets.opacity.begin();

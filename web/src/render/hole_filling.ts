@@ -53,6 +53,8 @@ export class HoleFiller {
   #empty = new Float64Array(0);
   #places = new Int32Array(0);
   #sees = new Float64Array(0);
+  /** So many of the candidates were looked at: the closest. */
+  #looked = 0;
 
   /** @param most So many fill, at most. */
   constructor(readonly most: number) {
@@ -77,21 +79,32 @@ export class HoleFiller {
     for (let i = 0; i < blocks; i += 1) left += this.#empty[i] ?? 0;
     if (this.most === 0 || blocks === 0 || left < needed) return;
     const candidates = this.#findCandidates(cameras, target, isBlended);
-    for (let k = 0; k < candidates; k += 1) {
-      const view = cameras[this.#candidates[k] ?? 0];
-      if (view === undefined) continue;
-      const overlap = overlapShare(view, target, medianDepth_m);
-      const cost_m = ((this.#distance_m[k] ?? 0) + CLOSE_M) / Math.max(overlap, MIN_OVERLAP);
-      this.#closeness[k] = 1 / (1 + cost_m / medianDepth_m);
-      this.#look(k * blocks, view, target, cols, rows, fillDepths_m);
-    }
+    this.#looked = 0;
     while (this.count < this.most) {
-      const best = this.#best(candidates, blocks);
+      // The closest come first, and none fills more than what is left: most need not be looked at.
+      let best = -1;
+      let most = -1;
+      for (let k = 0; k < candidates; k += 1) {
+        if (left * closenessOf(this.#distance_m[k] ?? 0, 1, medianDepth_m) <= most) break;
+        if (k === this.#looked) {
+          const view = cameras[this.#candidates[k] ?? 0] ?? target;
+          const overlap = overlapShare(view, target, medianDepth_m);
+          this.#closeness[k] = closenessOf(this.#distance_m[k] ?? 0, overlap, medianDepth_m);
+          this.#look(k * blocks, view, target, cols, rows, fillDepths_m);
+          this.#looked += 1;
+        }
+        const worth = this.#gain(k, blocks) * (this.#closeness[k] ?? 0);
+        if (worth <= most) continue;
+        most = worth;
+        best = k;
+      }
       if (best < 0 || this.#gain(best, blocks) < needed) return;
       this.index[this.count] = this.#candidates[best] ?? 0;
       this.count += 1;
+      left = 0;
       for (let i = 0; i < blocks; i += 1) {
         this.#empty[i] = (this.#empty[i] ?? 0) * (1 - (this.#sees[best * blocks + i] ?? 0));
+        left += this.#empty[i] ?? 0;
       }
     }
   }
@@ -179,18 +192,12 @@ export class HoleFiller {
     }
     return gain;
   }
+}
 
-  #best(candidates: number, blocks: number): number {
-    let best = -1;
-    let most = -1;
-    for (let k = 0; k < candidates; k += 1) {
-      const worth = this.#gain(k, blocks) * (this.#closeness[k] ?? 0);
-      if (worth <= most) continue;
-      most = worth;
-      best = k;
-    }
-    return best;
-  }
+/** How near a view is, 0…1, by how far it is and how much of the picture it sees. */
+function closenessOf(distance_m: number, overlap: number, depth_m: number): number {
+  const cost_m = (distance_m + CLOSE_M) / Math.max(overlap, MIN_OVERLAP);
+  return 1 / (1 + cost_m / depth_m);
 }
 
 function n(values: Float64Array, index: number): number {

@@ -34,6 +34,24 @@ export class Target implements Disposable {
   }
 }
 
+/** A target that can be told which of its pixels are not drawn into: those with a depth before all else. */
+export class MaskedTarget extends Target {
+  readonly #depth: WebGLRenderbuffer;
+
+  constructor(private readonly card: WebGL2RenderingContext, width: number, height: number) {
+    super(card, width, height);
+    this.#depth = card.createRenderbuffer();
+    card.bindRenderbuffer(card.RENDERBUFFER, this.#depth);
+    card.renderbufferStorage(card.RENDERBUFFER, card.DEPTH_COMPONENT16, width, height);
+    card.framebufferRenderbuffer(card.FRAMEBUFFER, card.DEPTH_ATTACHMENT, card.RENDERBUFFER, this.#depth);
+  }
+
+  override [Symbol.dispose](): void {
+    super[Symbol.dispose]();
+    this.card.deleteRenderbuffer(this.#depth);
+  }
+}
+
 /** Reads a target back without stalling: asked for in one frame, there in a later one. */
 export class ReadBack implements Disposable {
   readonly #gl: WebGL2RenderingContext;

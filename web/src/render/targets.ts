@@ -5,7 +5,7 @@ import { MAX_NEIGHBOURS } from '../wire';
 import { GAIN_STRIDE } from './exposure';
 import { blocksOf } from './hole_filling';
 import { Settled } from './settled';
-import { ReadBack, Target } from './target';
+import { MaskedTarget, ReadBack, Target } from './target';
 
 /** The result is counted in so many blocks, twice: two kinds of marks at a time. */
 export const BLOCKS = { x: 16, y: 16 };
@@ -22,8 +22,10 @@ export class Targets implements Disposable {
   readonly live: Target;
   readonly views: readonly RenderedView[];
   readonly view: Target;
-  /** Of the views that fill what the blended ones leave empty. */
-  readonly filling: readonly RenderedView[];
+  /** What one of the views that fill shows where the picture is still empty. */
+  readonly filling: MaskedTarget;
+  /** The views that fill what the blended ones leave empty, in the order in which they go under it. */
+  readonly filledFrom: (GpuMpi | null)[];
   /** Mean opacity of the blocks of what is blended, before it is filled. */
   readonly opacity: Target;
   readonly opacityBack: ReadBack;
@@ -52,7 +54,8 @@ export class Targets implements Disposable {
     gl: WebGL2RenderingContext, width: number, height: number, count: number, filling: number,
   ) {
     const ofView = (): Target => new Target(gl, width, height);
-    this.filling = Array.from({ length: filling }, () => ({ target: ofView(), mpi: null }));
+    this.filling = new MaskedTarget(gl, width, height);
+    this.filledFrom = Array.from({ length: filling }, () => null);
     const blocks = blocksOf(width, height);
     this.opacity = new Target(gl, blocks.cols, blocks.rows);
     this.opacityBack = new ReadBack(gl, this.opacity);
@@ -86,9 +89,9 @@ export class Targets implements Disposable {
     this.countsBack[Symbol.dispose]();
     this.opacityBack[Symbol.dispose]();
     this.gridBack[Symbol.dispose]();
-    for (const { target } of [...this.views, ...this.filling]) target[Symbol.dispose]();
+    for (const { target } of this.views) target[Symbol.dispose]();
     for (const target of [
-      this.live, this.view, this.opacity, this.result, this.counts, this.grid, this.shown, this.shownBefore,
+      this.live, this.view, this.filling, this.opacity, this.result, this.counts, this.grid, this.shown, this.shownBefore,
     ]) target[Symbol.dispose]();
   }
 }

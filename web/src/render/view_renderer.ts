@@ -219,7 +219,7 @@ export class ViewRenderer implements Disposable {
   }
 
   /** What was last rendered and compared, for tests: RGBA8, bottom row first. */
-  targets(): Readonly<Pick<Targets, 'view' | 'result' | 'live' | 'filling'>> | null {
+  targets(): Readonly<Pick<Targets, 'view' | 'result' | 'live' | 'filledFrom'>> | null {
     return this.#targets;
   }
 
@@ -281,7 +281,6 @@ export class ViewRenderer implements Disposable {
   #findPlaces({ count, mpis }: NearViews, camera: Camera, targets: Targets): void {
     if (this.#hasMoved(camera)) {
       for (const view of targets.views) view.mpi = null;
-      for (const view of targets.filling) view.mpi = null;
     }
     const places = this.#places.fill(null);
     for (const view of targets.views) {
@@ -333,10 +332,10 @@ export class ViewRenderer implements Disposable {
       targets.weights[k] = weight;
       targets.blendedFrom[k] = target;
     }
-    if (this.#filling.render(store, near, camera, targets)) changed = true;
+    if (this.#filling.find(store, near, targets)) changed = true;
     if (!changed) return false;
     this.#blend(near.count, targets);
-    this.#filling.draw(targets);
+    this.#filling.draw(camera, targets);
     return true;
   }
 

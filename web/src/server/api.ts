@@ -34,8 +34,8 @@ export class ApiError extends Error {
 }
 
 /** Whether sending the same again would get the same answer. */
-export function isRefusal({ status }: ApiError): boolean {
-  return status >= 400 && status < 500 && ![401, 408, 425, 429].includes(status);
+export function isRefusal({ status, kind }: ApiError): boolean {
+  return kind !== 'cut-off' && status >= 400 && status < 500 && ![401, 408, 425, 429].includes(status);
 }
 
 /** The server's words are not those of this page's version. */

@@ -2,6 +2,7 @@
 
 import { Api, ApiError } from '../server/api';
 import { followEvents } from '../server/events';
+import { Warmth } from '../server/warmth';
 import { make } from '../ui/dom';
 import { percent } from '../ui/share_graph';
 import { Orders } from './orders';
@@ -13,12 +14,11 @@ import {
 const CONSOLE = '/study/console';
 const TICK_MS = 1000;
 const SILENT = 'The server does not answer; trying again.';
-const COLD = 'The server is warming up (about 30 s, first run only). Do not start a capture yet.';
 
 const api = new Api();
 const orders = new Orders({ onSilence: () => say(SILENT) });
 let state: ConsoleState | null = null;
-let warm = true;
+let warmth: Warmth | null = null;
 /** Of the phones: each pairs one phone within ten minutes, so they are asked for anew in time. */
 const codes = new Map<string, PhoneCode>();
 const NEW_CODE_EVERY_MS = 5 * 60_000;
@@ -35,7 +35,7 @@ async function main(): Promise<void> {
   await api.pairFromHash();
   window.addEventListener('hashchange', draw);
   setInterval(tick, TICK_MS);
-  void waitUntilWarm();
+  void api.server().then((info) => { warmth = new Warmth(api, info, drawRemarks); drawRemarks(); }, () => undefined);
   const open = (signal: AbortSignal): ReturnType<Api['eventBytes']> =>
     api.eventBytes(`${CONSOLE}/events`, signal);
   await followEvents(open, consoleStateSchema, {
@@ -55,21 +55,18 @@ function draw(): void {
   if (state === null) return;
   document.title = `peaking: ${state.title}`;
   elementOf('title').textContent = state.title;
-  const remarks = warm ? state.remarks : [COLD, ...state.remarks];
-  elementOf('remarks').replaceChildren(...remarks.map((said) => make('p', {}, said)));
+  drawRemarks();
   drawList(state);
   drawDetail(state);
 }
 
-/** A first capture that waits for the compiler would be measured, too. */
-async function waitUntilWarm(): Promise<void> {
-  for (;;) {
-    const before = warm;
-    warm = await api.server().then((info) => info.warm, () => warm);
-    if (warm !== before) draw();
-    if (warm) return;
-    await new Promise((resolve) => setTimeout(resolve, 2 * TICK_MS));
-  }
+/** Until the server is ready nobody can take a view. */
+function drawRemarks(): void {
+  const cold = warmth === null || warmth.share === null ? []
+    : [make('p', {}, `${warmth.sentence ?? ''} Do not start a capture yet. `,
+      make('progress', { value: warmth.share }))];
+  const remarks = state?.remarks.map((said) => make('p', {}, said)) ?? [];
+  elementOf('remarks').replaceChildren(...cold, ...remarks);
 }
 
 function chosen(from: ConsoleState): ParticipantLine | null {

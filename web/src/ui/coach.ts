@@ -14,6 +14,9 @@ export const TASKS = [
   { title: 'The marks disappear', text: 'Keep going until none remain, then press Finish.' },
 ] as const;
 
+/** Said between the first press and its picture. */
+export const ON_ITS_WAY = { title: 'One moment', text: 'Your first view is being reconstructed.' } as const;
+
 /** Peaked share at which a beginner notices the red. */
 const MUCH_RED = 0.06;
 /** It went when it fell to this part of what it was. */
@@ -46,6 +49,11 @@ export class Coach {
         break;
       default:
     }
+  }
+
+  /** Whether what the task asks for was done, and shows in a moment. */
+  waits(now: Readonly<CoachMoment>): boolean {
+    return this.task === 0 && now.views > 0;
   }
 
   /** From the beginning. */

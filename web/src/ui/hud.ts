@@ -5,7 +5,7 @@ import type { Vector3 } from '../geometry';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import type { TrackingState } from '../tracking/pose_correction';
-import { Coach, TASKS, type CoachMoment } from './coach';
+import { Coach, ON_ITS_WAY, TASKS, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import { EdgeArrow } from './edge_arrow';
 import type { HudRules } from './hud_rules';
@@ -40,6 +40,8 @@ export interface HudState {
   readonly restorable: readonly CapturedView[];
   /** A sentence about what hinders, or null. */
   readonly notice: string | null;
+  /** How far the server is on its first start, 0…1; null: it is ready. */
+  readonly gettingReady: number | null;
   readonly canShoot: boolean;
   readonly sessionName: string;
 }
@@ -69,7 +71,9 @@ export class Hud {
   readonly #newPart = make('span', { className: 'new', hidden: true }, this.#new, make('small', {}, 'new'));
   readonly #tracking = make('div', { className: 'tracking' });
   readonly #graph = make('canvas', { width: 264, height: 60 });
-  readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' });
+  readonly #said = make('span');
+  readonly #progress = make('progress', { hidden: true });
+  readonly #notice = make('div', { className: 'notice', hidden: true, role: 'status' }, this.#said, this.#progress);
   readonly #toast = make('div', { className: 'notice toast', hidden: true, role: 'status' });
   #toastEnds: ReturnType<typeof setTimeout> | undefined;
   readonly #arrow: EdgeArrow;
@@ -104,6 +108,7 @@ export class Hud {
     this.#actions = actions;
     this.#replay = replay;
     this.#notice.ariaLive = 'polite';
+    this.#progress.ariaLabel = 'How far the server is';
     const meter = make('div', { className: 'meter' },
       make('div', { className: 'shares' }, this.#share, this.#shareName, this.#newPart),
       this.#graph, this.#tracking);
@@ -166,7 +171,9 @@ export class Hud {
       say(this.#tracking, trackingText(state.tracking));
     }
     this.#arrow.point(this.rules.showsRed && state.look.overlay !== 'mpi' ? state.towards : null);
-    say(this.#notice, state.notice ?? '');
+    say(this.#said, state.notice ?? '');
+    show(this.#progress, state.gettingReady !== null);
+    this.#progress.value = state.gettingReady ?? 1;
     show(this.#notice, state.notice !== null);
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
     if (state.look !== this.#shownLook) this.#showLook(state.look);
@@ -217,15 +224,27 @@ export class Hud {
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, viewsText(views.length));
-    this.#strip.replaceChildren(...views.map((view, i) => {
-      const thumb = make('button', {
-        className: `thumb ${view.state}`, type: 'button', onclick: () => this.#open('views'),
-      }, make('img', { src: view.thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
-      thumb.ariaLabel = `View ${i + 1}: ${VIEW_STATES[view.state]}`;
-      return thumb;
-    }));
-    this.#strip.scrollLeft = this.#strip.scrollWidth;
+    this.#showStrip(views);
     this.#sheet?.update?.(views, restorable);
+  }
+
+  /** Of a long session nearly all is there already. */
+  #showStrip(views: readonly CapturedView[]): void {
+    const strip = this.#strip;
+    views.forEach(({ state, thumbnailUrl }, i) => {
+      const key = `${state} ${thumbnailUrl}`;
+      const before = strip.children[i];
+      if (before instanceof HTMLElement && before.dataset['view'] === key) return;
+      const thumb = make('button', {
+        className: `thumb ${state}`, type: 'button', onclick: () => this.#open('views'),
+      }, make('img', { src: thumbnailUrl, alt: '' }), make('span', {}, String(i + 1)));
+      thumb.ariaLabel = `View ${i + 1}: ${VIEW_STATES[state]}`;
+      thumb.dataset['view'] = key;
+      if (before === undefined) strip.append(thumb);
+      else before.replaceWith(thumb);
+    });
+    while (strip.children.length > views.length) strip.lastElementChild?.remove();
+    strip.scrollLeft = strip.scrollWidth;
   }
 
   #showCoach(state: HudState): void {
@@ -234,10 +253,11 @@ export class Hud {
     this.#coach.update(this.#moment);
     if (this.#coach.done && before < TASKS.length) this.#endCoach();
     const task = TASKS[this.#coach.task];
-    show(this.#coachBox, task !== undefined && this.#sheet === null);
+    show(this.#coachBox, task !== undefined && this.#sheet === null && state.gettingReady === null);
     if (task === undefined) return;
-    say(this.#coachTitle, task.title);
-    say(this.#coachText, task.text);
+    const { title, text } = this.#coach.waits(this.#moment) ? ON_ITS_WAY : task;
+    say(this.#coachTitle, title);
+    say(this.#coachText, text);
     if (before === this.#coach.task && this.#coachTasks.dataset['task'] === String(before)) return;
     this.#coachTasks.dataset['task'] = String(this.#coach.task);
     Array.from(this.#coachTasks.children).forEach((each, i) =>

@@ -74,6 +74,23 @@ test('five captures offline, then online: all of them, in order', async () => {
   expect(session.views.map(({ number }) => number)).toEqual([1, 2, 3, 4, 5]);
 });
 
+test('news that are not of its views leave the lists as they are', async () => {
+  const session = await browser.open();
+  const id = await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  await clock.until(() => session.snapshot.connection === 'online');
+  await clock.until(async () => await session.photo(id) === null);
+  await settle(); // until that is listed too
+  const { views, restorable } = session.snapshot;
+  server.rename('another');
+  await clock.until(() => session.snapshot.name === 'another');
+  expect(session.snapshot.views).toBe(views);
+  expect(session.snapshot.restorable).toBe(restorable);
+  server.ready(id);
+  await clock.until(() => session.views[0]?.state === 'ready');
+  expect(session.views).not.toBe(views);
+});
+
 test('the network coming back ends the backoff at once', async () => {
   server.stop();
   const session = await browser.open();
@@ -177,6 +194,18 @@ describe('refusals', () => {
     await session.retry(first);
     await clock.until(allQueued(session, 2));
   });
+
+  test.each([[2, 'queued,queued'], [3, 'failed,queued']])(
+    'a photo that was cut off %i times on the way', async (times, become) => {
+      const session = await browser.open();
+      let left = times;
+      server.fault = (what) => what.endsWith('0001') && left-- > 0
+        ? problem(400, 'cut off', {}, 'urn:peaking:problem:cut-off') : null;
+      await session.shutter(photo(1));
+      await session.shutter(photo(2));
+      await clock.until(() => states(session).join() === become);
+      expect(left).toBe(times === 2 ? -1 : 0); // was sent once more, or not
+    });
 
   test('Retry-After is kept, whatever is pressed meanwhile', async () => {
     const session = await browser.open();

@@ -86,6 +86,14 @@ export class ModelServer {
     this.gone.set(id, 'erased');
   }
 
+  /** Somebody else has renamed all sessions. */
+  rename(name: string): void {
+    for (const [id, held] of this.sessions) {
+      held.name = name;
+      this.#tell(id, { type: 'SessionChanged', summary: this.#session(id)?.summary });
+    }
+  }
+
   ready(captureId: string): void {
     for (const [id, held] of this.sessions) {
       const at = held.captures.findIndex((capture) => capture.id === captureId);

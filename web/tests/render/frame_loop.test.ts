@@ -50,7 +50,7 @@ function decoded({ worldFromCam }: Camera): DecodedMpi {
 }
 
 /** Thousands of frames are drawn, until the engine has compiled them: seconds, more on a busy machine. */
-const PATIENCE_MS = 60_000;
+const PATIENCE_MS = 600_000;
 
 /** A grid of views, 5 cm apart, of which the nearest come to the card. */
 function storeOfMany(): MpiStore {

@@ -35,6 +35,14 @@ describe('shoot – move – shoot the red – see it go', () => {
     expect(stepsOf(coach, [2, 2, 0.1], [3, 2, 0.1])).toEqual([2, 3]);
   });
 
+  test('who has pressed is not asked to press again', () => {
+    const coach = new Coach();
+    expect(coach.waits({ views: 0, ready: 0, peakedShare: null })).toBe(false);
+    expect(coach.waits({ views: 1, ready: 0, peakedShare: null })).toBe(true);
+    stepsOf(coach, [1, 1, 0]);
+    expect(coach.waits({ views: 1, ready: 1, peakedShare: 0 })).toBe(false);
+  });
+
   test('after the last step nothing happens', () => {
     const coach = new Coach();
     coach.task = TASKS.length;
