@@ -23,11 +23,12 @@ class Demo:
     Examples:
       peaking demo
       peaking demo scenes/desk
+      peaking demo peaking-trace.zip     # of a phone, recorded by the page /check
       peaking demo --sessions ~/captures --no-open
     """
 
     scene: Annotated[Path | None, tyro.conf.Positional] = None
-    """A recording to play as the camera; default: a virtual phone in a virtual room."""
+    """A recording, or a trace of a phone, to play as the camera; default: a virtual phone."""
     sessions: Path = Path("sessions")
     """Folder of the sessions; created if it does not exist."""
     host: str = "127.0.0.1"
@@ -54,6 +55,7 @@ class Demo:
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
+        from peaking.server.traces import Played, PlayedTrace
         from peaking.server.warm_up import WarmUp
 
         check_port(self.port)
@@ -67,12 +69,15 @@ class Demo:
                 f"need a loopback address such as 127.0.0.1 for --host, got {self.host}; "
                 "phones are served by: peaking serve"
             )
-        recordings: dict[str, PlayedRecording] = {}
+        recordings: dict[str, Played] = {}
         query = "?source=virtual"
         if self.scene is not None:
             played = self.scene.resolve().name
-            recording = open_recording(self.scene, confined=not self.follow_links)
-            recordings[played] = PlayedRecording(played, recording)
+            if self.scene.is_file() and self.scene.suffix != ".json":
+                recordings[played] = PlayedTrace(self.scene)
+            else:
+                recording = open_recording(self.scene, confined=not self.follow_links)
+                recordings[played] = PlayedRecording(played, recording)
             query = f"?source=replay&recording={quote(played)}"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)
         host = f"[{name}]" if ":" in name else name
