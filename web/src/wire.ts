@@ -93,6 +93,7 @@ export interface CaptureDecision {
   readonly number: number;
   readonly kept: boolean;
   readonly reason: string;
+  readonly worth_db?: number | null;
 }
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */

@@ -46,6 +46,7 @@ class Demo:
     def run(self) -> None:
         """Serve until Ctrl-C."""
         import ipaddress
+        import threading
         import webbrowser
 
         from peaking.commands.python_version import say_when_outdated
@@ -82,12 +83,15 @@ class Demo:
         host = f"[{name}]" if ":" in name else name
         address = f"http://{host}:{listener.getsockname()[1]}/"
 
+        reachable = threading.Event()
+
         def started() -> None:
             say_when_outdated()
             say(f"Capture page:        {address}{query if recordings else ''}")
             say(f"List of sessions:    {address}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
             say("Stop with Ctrl-C.")
+            reachable.set()
             if not self.no_open:
                 webbrowser.open(address + query)
 
@@ -103,5 +107,5 @@ class Demo:
             ),
             started=started,
             told=say_skipped,
-            warm_up=WarmUp(preparation_said()),
+            warm_up=WarmUp(preparation_said(reachable)),
         )

@@ -22,8 +22,8 @@ from jaxtyping import Float64
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import Options
+from peaking.selection.blur import Sharpnesses
 from peaking.selection.policy import ALONE, WRONG, Candidate, CurvePoint, Decision, Worth
-from peaking.selection.sharpness import Sharpnesses
 from peaking.selection.shown_errors import Blend, ShownErrors
 from peaking.view_weights import (
     CLOSE_M,
@@ -185,7 +185,7 @@ class BackwardElimination:
         depth_m = float(np.median(candidate.mpi(self._pixels).plane_depths_m))
         self._shown.add_photo(number, frame)
         self._seen.add(number, frame.camera, depth_m)
-        self._sharp.add(number, frame.camera, candidate.sharpness)
+        self._sharp.add(number, frame.camera, candidate.sharpness())
         self._shown_by[number] = frozenset()
         return self._forget() if len(self._seen) > self._most_seen else set()
 

@@ -196,6 +196,9 @@ class CaptureDecision(Struct, frozen=True):
     kept: bool
     reason: str
     """Why, in a few words."""
+    worth_db: float | None = None
+    """Of a view that `peaking` keeps: how much worse the mean PSNR of all captures would be without
+    it, each shown by the others."""
 
 
 class Selection(Struct, frozen=True):
