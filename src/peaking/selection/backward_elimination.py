@@ -337,7 +337,7 @@ class _SeenFrames:
             return (), np.zeros(0)
         rows = [self._row[i] for i in others]
         best, weights = fading_weights(self._cost_m[self._row[target], rows], count)
-        return tuple(others[k] for k in best), weights
+        return tuple(others[int(k)] for k in best.tolist()), weights
 
     def shown_by(self, view: int, count: int) -> set[int]:
         """Return the frames that a view held is among the nearest of."""
