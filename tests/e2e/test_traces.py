@@ -55,6 +55,7 @@ def recorded(context: BrowserContext, server: LiveServer, path: Path) -> Path:
         page.keyboard.up(key)
         if int(re.findall(r"\d+", counts.inner_text())[2]) >= 6:
             break
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     link.scroll_into_view_if_needed()
     keep_picture(page, "trace-recorded")
     assert [one for one in sent if not one.startswith("GET ") or "/api/" in one] == []
