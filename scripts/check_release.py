@@ -25,7 +25,7 @@ from collections.abc import Generator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-STARTS_WITHIN_S = 90
+STARTS_WITHIN_S = 600
 FRAMES = 3
 
 

@@ -25,6 +25,8 @@ COMMANDS = (
     "study erase {} P01 --yes",
     "replay {} --out new",
     "replay room --no-video --out {}",
+    "select {} --out new",
+    "select room --views 2 --out {}",
     "evaluate {} --out new",
     "evaluate room --out {}",
     "generate room --out {}/view.mpi",

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
         *(limits.MAX_SEGMENTS, limits.MAX_CHUNKS, limits.MAX_POINTS_BYTES),
         *(limits.MAX_ASCII_POINTS_BYTES, limits.MAX_TRANSFORMS_VALUES),
         *(limits.MAX_TRANSFORMS_BYTES, limits.MAX_CHECKPOINT_BYTES, wire.MAX_POINTS, MAX_POINTS),
+        *(limits.MAX_TRACE_UNPACKED_BYTES, wire.MAX_TRACE_BYTES),
         ServerOptions(devices=None, client_dir=ROOT).max_upload_bytes,
     ],
 )

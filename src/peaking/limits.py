@@ -47,6 +47,15 @@ MAX_TILES = 2**16
 MAX_PLACES = 2**25
 """Planes x rows x columns of tiles; a table of them takes 128 MiB."""
 
+# Traces of phones' cameras (docs/trace.md); wire.MAX_TRACE_BYTES is for their files.
+
+MAX_TRACE_INDEX_BYTES = 8_000_000
+"""Of trace.json; 4,000 frames have 5 MB."""
+
+MAX_TRACE_PICTURE_BYTES = 4_000_000
+MAX_TRACE_UNPACKED_BYTES = 2**27
+"""Of all that is in a trace, which is held in memory."""
+
 # Other files.
 
 MAX_TRANSFORMS_BYTES = 2**26

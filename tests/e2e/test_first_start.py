@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from playwright.sync_api import BrowserContext
+from playwright.sync_api import BrowserContext, Route
 
 from e2e.virtual_phone_page import VirtualPhonePage
 from live_server import PEAKING, LiveServer
@@ -56,3 +56,24 @@ def test_the_page_says_that_the_server_is_getting_ready(
         assert phone.problems == []
     finally:
         server.stop()
+
+
+def test_the_page_says_that_it_is_loading(context: BrowserContext, server: LiveServer) -> None:
+    page = context.new_page()
+    held: list[Route] = []
+
+    def hold_the_first(route: Route) -> None:
+        if held:
+            route.continue_()
+        held.append(route)
+
+    page.route("**/api/v1/server", hold_the_first)
+    phone = VirtualPhonePage(page, server.address, running=False)
+    phone.wait_for(lambda: len(held) == 1)
+    loading = page.get_by_text("Loading …")
+    assert loading.is_visible()
+    phone.keep_picture("loading")
+    held[0].continue_()
+    phone.wait_until_running()
+    assert not loading.is_visible()
+    assert phone.problems == []

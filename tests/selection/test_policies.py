@@ -15,8 +15,10 @@ from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, PolicyName
+from peaking.selection import backward_elimination
 from peaking.selection.backward_elimination import HELD_PER_VIEW, BackwardElimination
-from peaking.selection.policy import Candidate, CandidatePath, Policy
+from peaking.selection.coverage import cover
+from peaking.selection.policy import Candidate, CandidatePath, Policy, walk
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import (
     POLICIES,
@@ -54,7 +56,6 @@ class Told:
     def camera(self) -> Camera:
         return cameras_at(self.x_m)[0]
 
-    @property
     def sharpness(self) -> float:
         raise PeakingError("nobody may look")
 
@@ -245,6 +246,46 @@ def test_who_stands_still_keeps_one_view(tmp_path: Path) -> None:
 def test_peaking_covers_the_whole_walk(frames: RecordedFrames) -> None:
     chosen = select_from(whole(frames), SelectionOptions("peaking", num_views=4), SMALL)
     assert np.diff([0, *chosen, NUM_FRAMES - 1]).max() <= NUM_FRAMES // 2
+
+
+def test_frames_that_are_remembered_are_bounded(
+    frames: RecordedFrames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backward_elimination, "MAX_SEEN", 10)
+    policy = BackwardElimination(1, SMALL, with_curve=True)
+    for candidate in whole(frames).candidates:
+        policy.observe(candidate)
+    policy.finish()
+    assert len(policy.views) == 1
+    assert policy.curve[-1].num_views == HELD_PER_VIEW
+    assert np.isfinite([point.psnr_db for point in policy.curve]).all()
+
+
+def test_the_curve_does_not_change_what_is_chosen(frames: RecordedFrames) -> None:
+    views: list[tuple[int, ...]] = []
+    for with_curve in (False, True):
+        policy = BackwardElimination(3, SMALL, with_curve=with_curve)
+        views.append(tuple(walk(policy, whole(frames).candidates)))
+        assert policy.worth.keys() == set(policy.views)
+    assert views[0] == views[1]
+
+
+def test_coverage_takes_the_far_and_what_is_seen_from_new_directions() -> None:
+    found = cover(cameras_at(0.0, 0.1, 0.2, 2.0, 4.0), 1.0, 5)
+    assert set(found.places[:3]) == {0, 3, 4}
+    assert found.left_m == 0.0
+    blind = np.array([1.0, 1.0, 1.0, 1.0, 0.0])
+    assert cover(cameras_at(0.0, 0.1, 0.2, 2.0, 4.0), 1.0, 2, worth=blind).places[1] == 3
+
+
+def test_every_nth_is_even_in_time_and_sharpest_takes_one_of_each_window() -> None:
+    class Sharp(Told):
+        def sharpness(self) -> float:
+            return (0.3, 0.9, 0.1, 0.2, 0.4, 0.8)[self.number]
+
+    path = CandidatePath([Sharp(k, x_m=float(k**3)) for k in range(6)], scene_depth_m=1.0)
+    assert select_from(path, SelectionOptions("every-nth", num_views=3)) == [0, 2, 5]
+    assert select_from(path, SelectionOptions("sharpest", num_views=3)) == [1, 3, 5]
 
 
 def test_it_never_holds_more_than_it_may(frames: RecordedFrames) -> None:

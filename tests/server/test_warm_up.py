@@ -85,7 +85,11 @@ def test_a_client_is_told_how_far_it_is(tmp_path: Path) -> None:
 
 
 def test_the_terminal_says_it_too(capsys: pytest.CaptureFixture[str]) -> None:
-    say_share = preparation_said()
+    reachable = threading.Event()
+    say_share = preparation_said(reachable)
+    say_share(0.0)
+    assert capsys.readouterr().out == ""  # first comes how the server is reached
+    reachable.set()
     for kernels in range(KERNELS + 1):
         say_share(kernels / (KERNELS + 1))
     say_share(1.0)
@@ -93,5 +97,5 @@ def test_the_terminal_says_it_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[-2] for line in said[:-1]] == [str(10 * tenth) for tenth in range(10)]
     assert said[-1].startswith("Ready")
 
-    preparation_said()(1.0)  # all was in the cache
+    preparation_said(reachable)(1.0)  # all was in the cache
     assert capsys.readouterr().out == ""

@@ -141,6 +141,29 @@ def test_the_live_picture_is_shrunk_as_python_does(page: Page, factor: float) ->
     assert away.max() <= SHRUNK_FAR
 
 
+@pytest.mark.parametrize(("long_side_px", "size"), [(9999, (168, 366)), (275, (126, 275))])
+def test_a_photo_is_upright_and_as_large_as_is_asked(
+    page: Page, long_side_px: int, size: tuple[int, int]
+) -> None:
+    photo = open_recording(ROOT / "scenes" / "desk").read(30)
+    big = np.asarray(cv2.resize(photo.rgb, (168, 366), interpolation=cv2.INTER_AREA), np.uint8)
+    camera = photo.camera.resized(168, 366)
+    opaque = np.full((366, 168, 1), 255, np.uint8)
+    live = base64_of(np.concatenate([big, opaque], axis=-1)[::-1].tobytes())
+    told = msgspec.to_builtins(wire_of_camera(camera))
+    answer = page.evaluate("asked => core.photoOf(...asked)", [told, live, long_side_px])
+    assert answer["error"] == 0
+    small = camera.resized(*size).pinhole
+    assert (answer["pinhole"]["width_px"], answer["pinhole"]["height_px"]) == size
+    assert answer["pinhole"]["fx_px"] == pytest.approx(small.fx_px)
+    assert answer["pinhole"]["cy_px"] == pytest.approx(small.cy_px)
+    pixels = np.frombuffer(base64.b64decode(answer["pixels"]), np.uint8)
+    shown = pixels.reshape(size[1], size[0], 4)[..., :3].astype(int)
+    python = cv2.resize(big, size, interpolation=cv2.INTER_LINEAR)
+    away = np.abs(shown - python)
+    assert away.mean() <= (0 if size == (168, 366) else SHRUNK_MEAN), away.mean()
+
+
 @pytest.mark.parametrize(
     ("forward_m", "turned_deg"),
     [(0.0, 0.0), (0.8, 0.0), (1.1, 50.0), (1.1, 120.0), (0.5, 180.0), (9.0, 0.0), (2.0, 90.0)],

@@ -135,6 +135,11 @@ export class LiveView implements Disposable {
     };
   }
 
+  /** Whether the phone is held so still that a picture is sharp. */
+  get steady(): boolean {
+    return this.#motion.steady;
+  }
+
   get frames(): number {
     return this.#frames;
   }

@@ -1,7 +1,8 @@
 /** The capture page: the only file that knows all the others. */
 
+import { AutoShutter, type AutoMoment } from './capture/auto_shutter';
 import { CaptureDb } from './capture/capture_db';
-import { CaptureSession } from './capture/capture_session';
+import { CaptureSession, type CapturedView } from './capture/capture_session';
 import { whyNoCapture } from './check/findings';
 import { probe } from './check/probe';
 import { chooseSource, isStandIn, type SourceChoice } from './choose_source';
@@ -123,7 +124,12 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
   if (guide !== null) live.drawAlways();
+  const auto = new AutoShutter();
+  // A guide says where views are taken, a study's protocol when.
+  const mayBeAuto = guide === null && extension === null;
+  auto.on = mayBeAuto && query.get('auto') === 'on';
   const hud = new Hud(overlay, {
+    setAuto: (on) => { auto.on = on && mayBeAuto; },
     shoot: () => (guide === null ? shoot() : guide.press()),
     undo: (id) => void session.undo(id),
     undoLast: () => {
@@ -161,8 +167,11 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
     time_ms: 0, look: live.look, peakedShare: null, wrongShare: null, unseenShare: null, towards: null,
-    tracking: live.state.tracking, views: [], restorable: [], notice: null, gettingReady: null,
+    tracking: live.state.tracking, views: [], restorable: [], auto: null, notice: null, gettingReady: null,
     canShoot: false, sessionName: '',
+  };
+  const moment: { -readonly [K in keyof AutoMoment]: AutoMoment[K] } = {
+    time_ms: 0, canShoot: false, steady: false, views: 0, ready: 0, peakedShare: null,
   };
   const loading = overlay.querySelector('.loading');
   const onFrame = (frame: LiveFrame): void => {
@@ -189,6 +198,16 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.gettingReady = warmth.share;
     shown.canShoot = hindrance === null && !isOver() && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;
+    if (auto.on) {
+      moment.time_ms = frame.time_ms;
+      moment.canShoot = shown.canShoot;
+      moment.steady = live.steady;
+      moment.views = views.length;
+      moment.ready = readyOf(views);
+      moment.peakedShare = shown.peakedShare;
+      if (auto.look(moment)) shoot();
+    }
+    shown.auto = auto.sentence;
     hud.show(shown);
     extension?.onFrame(guide?.state ?? null);
     const time_s = Date.now() / 1000;
@@ -259,6 +278,12 @@ async function sourceOf(
     default:
       return choice.kind satisfies never;
   }
+}
+
+function readyOf(views: readonly CapturedView[]): number {
+  let ready = 0;
+  for (const view of views) if (view.state === 'ready') ready += 1;
+  return ready;
 }
 
 function contextOf(stage: HTMLElement): WebGL2RenderingContext {

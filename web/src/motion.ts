@@ -6,6 +6,10 @@ import { angleBetween, distanceBetween, identity, type Cam, type Camera, type Wo
 export const TOO_FAST_M_PER_S = 0.8;
 export const TOO_FAST_RAD_PER_S = 1.2;
 
+/** A third of it: what is taken without a finger on the button can wait for a steadier moment. */
+export const STEADY_M_PER_S = 0.27;
+export const STEADY_RAD_PER_S = 0.4;
+
 /** Speeds are smoothed over about this long, so that one jump of the tracking is no alarm. */
 const SMOOTHING_MS = 150;
 
@@ -35,6 +39,11 @@ export class Motion {
     }
     this.#last.rows.set(worldFromCam.rows);
     this.#last_ms = time_ms;
+  }
+
+  get steady(): boolean {
+    return this.#last_ms !== null
+      && this.#speed_m_per_s <= STEADY_M_PER_S && this.#turn_rad_per_s <= STEADY_RAD_PER_S;
   }
 
   get tooFast(): boolean {

@@ -1,7 +1,8 @@
 // Generated from src/peaking/server/wire.py by `make wire`; do not edit.
 
 import {
-  flag, integer, list, nullable, number, oneOf, optional, record, tagged, text, type Schema,
+  dictionary, flag, integer, list, nullable, number, oneOf, optional, record, tagged, text, type
+  Schema,
 } from './schema';
 
 /** Goes up when an older client would misunderstand; both sides refuse another version. */
@@ -12,6 +13,10 @@ export const MAX_NEIGHBOURS = 8;
 export const MAX_GUIDED_TARGETS = 400;
 /** The paper's mean peaked share: below it, a view from here would not have been worth it. */
 export const PAPER_PEAKED_SHARE = 0.0428;
+/** Of a trace; goes up when an older reader would misunderstand. */
+export const TRACE_VERSION = 1;
+/** Of a trace's file: what can be attached to a bug report on GitHub. */
+export const MAX_TRACE_BYTES = 25000000;
 /** A client that hears nothing for so long takes the connection for dead, and connects again. */
 export const SILENCE_S = 35;
 /** Time constant with which what is shown follows what is measured, so that nothing flashes. */
@@ -88,6 +93,7 @@ export interface CaptureDecision {
   readonly number: number;
   readonly kept: boolean;
   readonly reason: string;
+  readonly worth_db?: number | null;
 }
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
@@ -227,11 +233,48 @@ export interface RecordedFrame {
   readonly depth: DepthLayout | null;
 }
 
+/** A picture of a trace, in its own file. */
+export interface TracedPicture {
+  readonly width_px: number;
+  readonly height_px: number;
+}
+
+/** Depth of a trace as the device gave it, in its own file: little-endian, row by row. */
+export interface TracedDepth {
+  readonly width_px: number;
+  readonly height_px: number;
+  readonly format: 'float32' | 'luminance-alpha' | 'unsigned-short';
+  readonly metres_per_unit: number;
+  readonly buffer_from_view: readonly number[];
+}
+
+/** One frame of a trace: what the device said, before anything is made of it. */
+export interface TracedFrame {
+  readonly time_ms: number;
+  readonly began_ms: number;
+  readonly took_ms: number;
+  readonly world_from_view?: readonly number[] | null;
+  readonly projection?: readonly number[] | null;
+  readonly camera_px?: readonly number[] | null;
+  readonly picture?: TracedPicture | null;
+  readonly depth?: TracedDepth | null;
+  readonly resets?: readonly (readonly number[] | null)[];
+}
+
+/** `trace.json` of a trace: docs/trace.md. */
+export interface Trace {
+  readonly version: number;
+  readonly made_s: number;
+  readonly told: Readonly<Record<string, string>>;
+  readonly frames: readonly TracedFrame[];
+}
+
 /** GET /api/v1/recordings/{name}. Pictures are at `/api/v1/recordings/{name}/frames/{index}/photo` (JPEG or PNG), depths at `…/depth` (as in `DepthLayout`). */
 export interface RecordingIndex {
   readonly name: string;
   readonly fps: number;
   readonly frames: readonly RecordedFrame[];
+  readonly trace?: Trace | null;
 }
 
 /** The body of every response of 400 and above: RFC 9457, `application/problem+json`. */
@@ -403,10 +446,43 @@ export const recordedFrameSchema: Schema<RecordedFrame> = /* @__PURE__ */ record
   depth: nullable(depthLayoutSchema),
 });
 
+export const tracedPictureSchema: Schema<TracedPicture> = /* @__PURE__ */ record<TracedPicture>({
+  width_px: integer(1, 8192),
+  height_px: integer(1, 8192),
+});
+
+export const tracedDepthSchema: Schema<TracedDepth> = /* @__PURE__ */ record<TracedDepth>({
+  width_px: integer(1, 8192),
+  height_px: integer(1, 8192),
+  format: oneOf('float32', 'luminance-alpha', 'unsigned-short'),
+  metres_per_unit: number(0, 1000),
+  buffer_from_view: list(number(), 16, 16),
+});
+
+export const tracedFrameSchema: Schema<TracedFrame> = /* @__PURE__ */ record<TracedFrame>({
+  time_ms: number(0, 10000000),
+  began_ms: number(0, 10000000),
+  took_ms: number(0, 10000000),
+  world_from_view: optional(nullable(list(number(), 16, 16))),
+  projection: optional(nullable(list(number(), 16, 16))),
+  camera_px: optional(nullable(list(integer(1, 8192), 2, 2))),
+  picture: optional(nullable(tracedPictureSchema)),
+  depth: optional(nullable(tracedDepthSchema)),
+  resets: optional(list(nullable(list(number(), 16, 16)))),
+});
+
+export const traceSchema: Schema<Trace> = /* @__PURE__ */ record<Trace>({
+  version: integer(),
+  made_s: number(0, 100000000000),
+  told: dictionary(text),
+  frames: list(tracedFrameSchema, 1, 4000),
+});
+
 export const recordingIndexSchema: Schema<RecordingIndex> = /* @__PURE__ */ record<RecordingIndex>({
   name: text,
   fps: number(),
   frames: list(recordedFrameSchema),
+  trace: optional(nullable(traceSchema)),
 });
 
 export const problemSchema: Schema<Problem> = /* @__PURE__ */ record<Problem>({

@@ -26,6 +26,19 @@ describe('Motion', () => {
     expect(run.tooFast).toBe(true);
   });
 
+  test('a picture is steady only when the phone is held nearly still', () => {
+    const motion = new Motion();
+    expect(motion.steady).toBe(false); // nothing is known
+    walk(motion, 0.1);
+    expect(motion.steady).toBe(true);
+    walk(motion, 0.4);
+    expect(motion.steady).toBe(false);
+    walk(motion, 0, 0.6);
+    expect(motion.steady).toBe(false);
+    motion.update(1033, null);
+    expect(motion.steady).toBe(false);
+  });
+
   test('turning counts too', () => {
     const motion = new Motion();
     walk(motion, 0, 2);

@@ -19,17 +19,17 @@ from peaking.datasets.depth_unit import typical_distance
 from peaking.geometry import Camera
 from peaking.options import DEFAULT, Options
 from peaking.selection.backward_elimination import BackwardElimination
+from peaking.selection.blur import relative_to_nearest, worth_of_sharpness
 from peaking.selection.coverage import cover
 from peaking.selection.policy import CurvePoint, Worth
 from peaking.selection.recorded_frames import RecordedCandidate, RecordedFrames
-from peaking.selection.sharpness import relative_to_nearest, worth_of_sharpness
 
 Progress = Callable[[Sequence[int]], Iterable[int]]
 """Wraps the numbers of the frames that are looked at."""
 
 BLURRED = 0.8
 """Sharpness relative to frames from nearby at which a frame is called blurred; 9 of 10 that are not
-blurred have more (`peaking.selection.sharpness`)."""
+blurred have more (`peaking.selection.blur`)."""
 
 UNEVEN = 1.3
 """Brightness over that of frames from nearby, or its inverse, at which it is called otherwise
@@ -241,7 +241,7 @@ class _Looks:
         size_px = max(1, round(width * shrink)), max(1, round(height * shrink))
         self.thumbnails[number] = cv2.resize(frame.rgb, size_px, interpolation=cv2.INTER_AREA)
         self._cameras.append(frame.camera)
-        self._sharpness.append(candidate.sharpness)
+        self._sharpness.append(candidate.sharpness())
         self._brightness.append(float(np.mean(frame.rgb)))
 
     def relative_sharpness(self) -> Float64[np.ndarray, "n"]:

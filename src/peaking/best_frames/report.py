@@ -17,7 +17,7 @@ from peaking.replay.records import FrameRecord
 from peaking.reports.page import both_sizes, html_page, jpeg_image, legend, resource
 from peaking.selection.policy import CurvePoint
 
-MOST_THUMBNAILS = 120
+MOST_THUMBNAILS = 48
 """Pictures shown of those kept, and of those left out; of more, some at even steps."""
 
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 48, 16, 14, 40
@@ -110,21 +110,23 @@ def _curve(best: BestFrames, size_px: tuple[int, int]) -> str:
 
     parts: list[str] = []
     for tick in np.arange(low, high + step / 2, step):
-        y = y_px(tick)
+        y = y_px(float(tick))
         parts.append(f'<line class="grid" x1="{left}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text x="{left - 8}" y="{y + 4:.1f}" class="end">{tick:g}</text>')
     every = round(nice_at_least(max(1.0, last / max(2, width // 110))))
     parts += [
-        f'<text x="{x_px(number):.1f}" y="{bottom + 18}" class="mid">{number}</text>'
+        f'<text x="{x_px(float(number)):.1f}" y="{bottom + 18}" class="mid">{number}</text>'
         for number in [1, *range(every, last + 1, every)]
     ]
     parts.append(f'<text x="{right}" y="{height - 4}" class="end">views</text>')
-    points = "L".join(f"{x_px(n):.1f} {y_px(v):.1f}" for n, v in zip(numbers, values, strict=True))
+    points = "L".join(
+        f"{x_px(float(n)):.1f} {y_px(float(v)):.1f}" for n, v in zip(numbers, values, strict=True)
+    )
     parts.append(f'<path class="curve" d="M{points}"/>')
     here = _at(best.curve, len(best.kept))
     words = f"A curve over 1 to {last} views."
     if here is not None:
-        x, y = x_px(here.num_views), y_px(_value(here))
+        x, y = x_px(float(here.num_views)), y_px(_value(here))
         parts.append(
             f'<line class="chosen-line" x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}"/>'
             f'<circle class="chosen" r="5" cx="{x:.1f}" cy="{y:.1f}"/>'

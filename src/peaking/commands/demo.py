@@ -23,11 +23,12 @@ class Demo:
     Examples:
       peaking demo
       peaking demo scenes/desk
+      peaking demo peaking-trace.zip     # of a phone, recorded by the page /check
       peaking demo --sessions ~/captures --no-open
     """
 
     scene: Annotated[Path | None, tyro.conf.Positional] = None
-    """A recording to play as the camera; default: a virtual phone in a virtual room."""
+    """A recording, or a trace of a phone, to play as the camera; default: a virtual phone."""
     sessions: Path = Path("sessions")
     """Folder of the sessions; created if it does not exist."""
     host: str = "127.0.0.1"
@@ -45,6 +46,7 @@ class Demo:
     def run(self) -> None:
         """Serve until Ctrl-C."""
         import ipaddress
+        import threading
         import webbrowser
 
         from peaking.commands.python_version import say_when_outdated
@@ -53,6 +55,7 @@ class Demo:
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
+        from peaking.server.traces import Played, PlayedTrace
         from peaking.server.warm_up import WarmUp
 
         check_port(self.port)
@@ -66,16 +69,21 @@ class Demo:
                 f"need a loopback address such as 127.0.0.1 for --host, got {self.host}; "
                 "phones are served by: peaking serve"
             )
-        recordings: dict[str, PlayedRecording] = {}
+        recordings: dict[str, Played] = {}
         query = "?source=virtual"
         if self.scene is not None:
             played = self.scene.resolve().name
-            recording = open_recording(self.scene, confined=not self.follow_links)
-            recordings[played] = PlayedRecording(played, recording)
+            if self.scene.is_file() and self.scene.suffix != ".json":
+                recordings[played] = PlayedTrace(self.scene)
+            else:
+                recording = open_recording(self.scene, confined=not self.follow_links)
+                recordings[played] = PlayedRecording(played, recording)
             query = f"?source=replay&recording={quote(played)}"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)
         host = f"[{name}]" if ":" in name else name
         address = f"http://{host}:{listener.getsockname()[1]}/"
+
+        reachable = threading.Event()
 
         def started() -> None:
             say_when_outdated()
@@ -83,6 +91,7 @@ class Demo:
             say(f"List of sessions:    {address}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
             say("Stop with Ctrl-C.")
+            reachable.set()
             if not self.no_open:
                 webbrowser.open(address + query)
 
@@ -98,5 +107,5 @@ class Demo:
             ),
             started=started,
             told=say_skipped,
-            warm_up=WarmUp(preparation_said()),
+            warm_up=WarmUp(preparation_said(reachable)),
         )

@@ -14,7 +14,7 @@ from peaking.commands.options import MethodOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 from peaking.terminal import say
 
-STARTING = "starting (the first run compiles for about 30 s)"
+STARTING = "starting (the first run compiles for a minute)"
 COMPILED_AFTER = 2
 """The first frame is captured and the second compared with it: then all kernels are compiled."""
 

@@ -13,7 +13,7 @@ from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
 from peaking.terminal import say
 
-STARTING = "starting (the first run compiles for about 30 s)"
+STARTING = "starting (the first run compiles for a minute)"
 COMPILED_AFTER = 2
 
 

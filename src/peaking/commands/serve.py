@@ -46,6 +46,8 @@ class Serve:
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
+        import threading
+
         from peaking.commands.python_version import say_when_outdated
         from peaking.commands.serving import (
             Invitation,
@@ -83,6 +85,8 @@ class Serve:
         pages = [f"{origin}/" for origin in origins]
         invitation = Invitation(devices, pages, what="phone")
 
+        reachable = threading.Event()
+
         def started() -> None:
             say_when_outdated()
             say(
@@ -101,6 +105,7 @@ class Serve:
             say(f"List of sessions:    {pages[0]}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
             say("Stop with Ctrl-C.")
+            reachable.set()
 
         serve(
             listener,
@@ -115,5 +120,5 @@ class Serve:
             context=context,
             started=started,
             told=say_skipped,
-            warm_up=WarmUp(preparation_said()),
+            warm_up=WarmUp(preparation_said(reachable)),
         )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import itertools
 import os
 import stat
+import sys
 import threading
 import time
 from pathlib import Path
@@ -89,12 +91,18 @@ def say_skipped(problem: str) -> None:
     say(f"skipped: {problem}", problem=True)
 
 
-def preparation_said() -> Callable[[float], None]:
-    """Return what says how far a first start is, tenth by tenth; of others it says nothing."""
+def preparation_said(reachable: threading.Event) -> Callable[[float], None]:
+    """Return what says how far a first start is, tenth by tenth; of others it says nothing.
+
+    Args:
+        reachable: Set when it has been said how to reach the server: that comes first.
+    """
     next_tenth = 0
 
     def say_share(share: float) -> None:
         nonlocal next_tenth
+        if not reachable.is_set():
+            return
         if share == 1.0 and next_tenth > 0:
             say("Ready: views can be taken.")
         elif share < 1.0 and int(10 * share) >= next_tenth:
@@ -190,4 +198,6 @@ class Invitation:
         import segno
 
         if self._qr:
-            segno.make(link, error="m").terminal(compact=True)
+            code = io.StringIO()
+            segno.make(link, error="m").terminal(code, compact=True)
+            sys.stdout.write(code.getvalue())  # in one piece, whoever else says something

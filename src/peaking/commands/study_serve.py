@@ -41,6 +41,8 @@ class ServeStudy:
 
     def run(self) -> None:
         """Serve until Ctrl-C."""
+        import threading
+
         from peaking.commands.python_version import say_when_outdated
         from peaking.commands.serving import (
             Invitation,
@@ -86,11 +88,12 @@ class ServeStudy:
                 for problem in devices.problems:
                     say(f"Note: {problem}", problem=True)
             hubs = Hub(), Hub()  # of the capture server, and of the study
+            reachable = threading.Event()
             capture = create_app(
                 store=sessions,
                 hub=hubs[0],
                 admission=study,
-                warm_up=WarmUp(preparation_said()),
+                warm_up=WarmUp(preparation_said(reachable)),
                 config=ServerOptions(
                     devices=devices,
                     client_dir=CLIENT_DIR,
@@ -121,6 +124,7 @@ class ServeStudy:
                     say(f"Note: {remark}")
                 say(f"Folder of the study:  {self.folder.resolve()}")
                 say("Stop with Ctrl-C.")
+                reachable.set()
 
             def stopping() -> None:
                 for hub in hubs:

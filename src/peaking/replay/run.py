@@ -40,10 +40,10 @@ from peaking.replay.records import (
 from peaking.replay.report import write_report
 from peaking.replay.stills import StillPicker
 from peaking.replay.video import VideoWriter
+from peaking.selection.blur import sharpness
 from peaking.selection.policy import Chosen, Decision, Policy
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import NeedsWholePath, SelectionOptions, create_policy
-from peaking.selection.sharpness import sharpness
 from peaking.timing import Stopwatch
 from peaking.tracking import Alignment
 
@@ -182,7 +182,6 @@ class ReplayCandidate:
         """Whether it can be captured."""
         return self.scene.accepts(self.full)
 
-    @property
     def sharpness(self) -> float:
         """How sharp it is at the working size."""
         return sharpness(self.scene.prepare(self.full).rgb)

@@ -22,8 +22,8 @@ from jaxtyping import Float64
 from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import Options
+from peaking.selection.blur import Sharpnesses
 from peaking.selection.policy import ALONE, WRONG, Candidate, CurvePoint, Decision, Worth
-from peaking.selection.sharpness import Sharpnesses
 from peaking.selection.shown_errors import Blend, ShownErrors
 from peaking.view_weights import (
     CLOSE_M,
@@ -185,7 +185,7 @@ class BackwardElimination:
         depth_m = float(np.median(candidate.mpi(self._pixels).plane_depths_m))
         self._shown.add_photo(number, frame)
         self._seen.add(number, frame.camera, depth_m)
-        self._sharp.add(number, frame.camera, candidate.sharpness)
+        self._sharp.add(number, frame.camera, candidate.sharpness())
         self._shown_by[number] = frozenset()
         return self._forget() if len(self._seen) > self._most_seen else set()
 
@@ -337,7 +337,7 @@ class _SeenFrames:
             return (), np.zeros(0)
         rows = [self._row[i] for i in others]
         best, weights = fading_weights(self._cost_m[self._row[target], rows], count)
-        return tuple(others[k] for k in best), weights
+        return tuple(others[int(k)] for k in best.tolist()), weights
 
     def shown_by(self, view: int, count: int) -> set[int]:
         """Return the frames that a view held is among the nearest of."""

@@ -86,9 +86,8 @@ class Candidate(Protocol):
         """Whether it can become a view: its depth is known, or can be estimated."""
         ...
 
-    @property
     def sharpness(self) -> float:
-        """How sharp it is (`peaking.selection.sharpness.sharpness`), at the working size."""
+        """How sharp it is (`peaking.selection.blur.sharpness`), at the working size."""
         ...
 
     def frame(self, pixels: int) -> Frame:

@@ -26,10 +26,10 @@ from peaking.light_field import (
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, Options
 from peaking.rendering import Rendering
+from peaking.selection.blur import sharpness
 from peaking.selection.mpi_files import MpiFiles
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, select_from
-from peaking.selection.sharpness import sharpness
 from peaking.timing import Stopwatch
 from peaking.view_builder import ViewBuilder
 from peaking.view_weights import Neighbour
@@ -230,7 +230,6 @@ class RecordedCandidate:
         """Whether it has depth, or none has and there are only poses to go by."""
         return self.frames.recording.has_depth[self.number] or not self.frames.with_depth
 
-    @property
     def sharpness(self) -> float:
         """How sharp it is at the working size."""
         return self.frames.sharpness(self.number)

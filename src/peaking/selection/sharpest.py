@@ -9,6 +9,6 @@ from peaking.selection.policy import CandidatePath
 
 def choose_sharpest(path: CandidatePath, count: int, rng: np.random.Generator) -> list[int]:
     """Cut the path into windows of equally many frames, and choose the sharpest of each."""
-    sharp = np.array([candidate.sharpness for candidate in path.candidates])
+    sharp = np.array([candidate.sharpness() for candidate in path.candidates])
     windows = np.array_split(np.arange(len(path)), count)
     return path.numbers([int(window[np.argmax(sharp[window])]) for window in windows])

@@ -42,7 +42,6 @@ from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
-from peaking.server.recordings import PlayedRecording
 from peaking.server.requests import device_of, id_in_path, read_body, read_json
 from peaking.server.responses import (
     LASTING,
@@ -57,6 +56,7 @@ from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.shown_files import shown_photo, shown_thumbnail, sound_mpi
 from peaking.server.told import cause_of, without_paths
+from peaking.server.traces import Played
 from peaking.server.turns import Turns
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 from peaking.server.warm_up import WarmUp
@@ -96,7 +96,7 @@ class ServerOptions:
     devices: Devices | None
     client_dir: Path
     options: Options = DEFAULT
-    recordings: Mapping[str, PlayedRecording] = field(default_factory=dict[str, PlayedRecording])
+    recordings: Mapping[str, Played] = field(default_factory=dict[str, Played])
     max_upload_bytes: int = 64_000_000
     pages: Sequence[str] = ()
     keep_exif: bool = False

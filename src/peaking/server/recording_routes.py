@@ -13,13 +13,13 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from peaking.limits import DECODINGS_AT_ONCE
-from peaking.server.recordings import PlayedRecording
 from peaking.server.responses import LASTING, json_response
+from peaking.server.traces import Played
 
 T = TypeVar("T")
 
 
-def routes_of_recordings(recordings: Mapping[str, PlayedRecording]) -> list[Route]:
+def routes_of_recordings(recordings: Mapping[str, Played]) -> list[Route]:
     """Return the addresses below /api/v1/recordings."""
     handlers = _RecordingHandlers(recordings)
     recording = "/api/v1/recordings/{recording}"
@@ -34,7 +34,7 @@ def routes_of_recordings(recordings: Mapping[str, PlayedRecording]) -> list[Rout
 class _RecordingHandlers:
     """The handlers, and what they need."""
 
-    def __init__(self, recordings: Mapping[str, PlayedRecording]) -> None:
+    def __init__(self, recordings: Mapping[str, Played]) -> None:
         self.recordings = recordings
         self.decoding = asyncio.Semaphore(DECODINGS_AT_ONCE)
 
@@ -56,7 +56,7 @@ class _RecordingHandlers:
             raise HTTPException(404, "This frame has no depth.")
         return Response(data, media_type="application/octet-stream", headers=LASTING)
 
-    def _recording(self, request: Request) -> PlayedRecording:
+    def _recording(self, request: Request) -> Played:
         recording = self.recordings.get(request.path_params["recording"])
         if recording is None:
             raise HTTPException(404, "This server has no recording of that name.")

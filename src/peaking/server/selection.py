@@ -15,9 +15,9 @@ from peaking.light_field import LightField, Scratch
 from peaking.mpi import Mpi
 from peaking.mpi_file import read_mpi
 from peaking.options import Options
+from peaking.selection.blur import sharpness
 from peaking.selection.policy import CandidatePath
 from peaking.selection.registry import SelectionOptions, create_policy
-from peaking.selection.sharpness import sharpness
 from peaking.server import wire
 from peaking.server.open_session import OpenSession
 from peaking.server.upload import BadUpload
@@ -73,11 +73,18 @@ def select_captures(
         reasons |= dict.fromkeys(decision.dropped, f"dropped at view {candidate.number}")
     last = policy.finish()
     reasons |= dict.fromkeys(last.dropped, last.reason)
-    kept = set(policy.views)
+    kept, worth = set(policy.views), policy.worth
+    reasons |= {number: worth[number].why for number in kept if number in worth}
     return wire.Selection(
         policy=query.policy,
         captures=[
-            wire.CaptureDecision(c.capture_id, c.number, c.number in kept, reasons[c.number])
+            wire.CaptureDecision(
+                c.capture_id,
+                c.number,
+                c.number in kept,
+                reasons[c.number],
+                worth[c.number].psnr_db if c.number in kept and c.number in worth else None,
+            )
             for c in candidates
         ],
     )
@@ -142,7 +149,6 @@ class CapturedCandidate:
         """Whether it can be kept: all candidates have an MPI."""
         return True
 
-    @property
     def sharpness(self) -> float:
         """How sharp it is at the working size."""
         return self.views.sharpness(self.number)

@@ -83,7 +83,7 @@ def serve(
     context: ssl.SSLContext | None = None,
     started: Callable[[], None],
     told: Callable[[str], None],
-    warm_up: WarmUp,
+    warm_up: WarmUp | None = None,
 ) -> None:
     """Serve until Ctrl-C.
 
@@ -94,7 +94,7 @@ def serve(
         context: For https.
         started: Called when requests are answered.
         told: Hears of sessions that cannot be opened.
-        warm_up: What is done first.
+        warm_up: What is done first; tells how far it is.
     """
     with listener:
         store = SessionStore(sessions)

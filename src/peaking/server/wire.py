@@ -55,6 +55,12 @@ MAX_GUIDED_TARGETS = 400
 PAPER_PEAKED_SHARE = method.PAPER_PEAKED_SHARE
 """The paper's mean peaked share: below it, a view from here would not have been worth it."""
 
+TRACE_VERSION = 1
+"""Of a trace; goes up when an older reader would misunderstand."""
+
+MAX_TRACE_BYTES = 25_000_000
+"""Of a trace's file: what can be attached to a bug report on GitHub."""
+
 SILENCE_S = 35.0
 """A client that hears nothing for so long takes the connection for dead, and connects again."""
 
@@ -66,6 +72,8 @@ CONSTANTS = (
     "MAX_NEIGHBOURS",
     "MAX_GUIDED_TARGETS",
     "PAPER_PEAKED_SHARE",
+    "TRACE_VERSION",
+    "MAX_TRACE_BYTES",
     "SILENCE_S",
     "SETTLING_S",
 )
@@ -188,6 +196,9 @@ class CaptureDecision(Struct, frozen=True):
     kept: bool
     reason: str
     """Why, in a few words."""
+    worth_db: float | None = None
+    """Of a view that `peaking` keeps: how much worse the mean PSNR of all captures would be without
+    it, each shown by the others."""
 
 
 class Selection(Struct, frozen=True):
@@ -415,6 +426,61 @@ class RecordedFrame(Struct, frozen=True):
     depth: DepthLayout | None
 
 
+Matrix = Annotated[list[float], Meta(min_length=16, max_length=16)]
+"""4 x 4, column by column, as WebXR has them."""
+
+
+class TracedPicture(Struct, frozen=True):
+    """A picture of a trace, in its own file."""
+
+    width_px: Size
+    height_px: Size
+
+
+class TracedDepth(Struct, frozen=True):
+    """Depth of a trace as the device gave it, in its own file: little-endian, row by row."""
+
+    width_px: Size
+    height_px: Size
+    format: Literal["luminance-alpha", "unsigned-short", "float32"]
+    metres_per_unit: Annotated[float, Meta(gt=0, le=1e3)]
+    buffer_from_view: Matrix
+    """WebXR's `normDepthBufferFromNormView`."""
+
+
+class TracedFrame(Struct, frozen=True):
+    """One frame of a trace: what the device said, before anything is made of it."""
+
+    time_ms: Annotated[float, Meta(ge=0, le=1e7)]
+    """When the frame was for, since the first one."""
+    began_ms: Annotated[float, Meta(ge=0, le=1e7)]
+    """When the page was called for it."""
+    took_ms: Annotated[float, Meta(ge=0, le=1e7)]
+    """How long the recording of it held the page up."""
+    world_from_view: Matrix | None = None
+    """`XRView.transform`; null while tracking is lost."""
+    projection: Matrix | None = None
+    """`XRView.projectionMatrix`."""
+    camera_px: Annotated[list[Size], Meta(min_length=2, max_length=2)] | None = None
+    """Width and height of the camera's picture; the one that is kept may be smaller."""
+    picture: TracedPicture | None = None
+    """Null where none was kept of this frame."""
+    depth: TracedDepth | None = None
+    resets: list[Matrix | None] = []
+    """Events `reset` of the reference space since the frame before: `transform`, where told."""
+
+
+class Trace(Struct, frozen=True):
+    """`trace.json` of a trace: docs/trace.md."""
+
+    version: int
+    made_s: Annotated[float, Meta(ge=0, le=1e11)]
+    """Seconds since 1970."""
+    told: dict[str, str]
+    """What the browser says of itself."""
+    frames: Annotated[list[TracedFrame], Meta(min_length=1, max_length=4000)]
+
+
 class RecordingIndex(Struct, frozen=True):
     """GET /api/v1/recordings/{name}.
 
@@ -425,6 +491,9 @@ class RecordingIndex(Struct, frozen=True):
     name: str
     fps: float
     frames: list[RecordedFrame]
+    trace: Trace | None = None
+    """The recording is one of these: `frames` is empty, `index` counts its frames, and depths are
+    as in `TracedDepth`."""
 
 
 class Problem(Struct, frozen=True):

@@ -4,7 +4,9 @@
  * is made in a worker.
  */
 
-import { rigid, type Cam, type Camera, type Rigid, type World } from '../geometry';
+import {
+  resized, rigid, type Cam, type Camera, type Pinhole, type Rigid, type World,
+} from '../geometry';
 import type { DepthMap, LiveFrame } from '../sources/frame_source';
 import { WorkerPhotoEncoder, type PhotoEncoder } from './photo_encoder';
 
@@ -31,6 +33,10 @@ export interface PhotoReaderOptions {
   /** Seconds since 1970. */
   readonly clock_s?: () => number;
   readonly encoder?: PhotoEncoder;
+  /** Pictures whose longer side has more pixels are made smaller. */
+  readonly longSide_px?: number;
+  /** Of the JPEG, 0…1. */
+  readonly quality?: number;
 }
 
 const POLL_MS = 4;
@@ -39,12 +45,16 @@ const PATIENCE_MS = 10_000;
 export class PhotoReader implements Disposable {
   readonly #clock_s: () => number;
   readonly #encoder: PhotoEncoder;
+  readonly #longSide_px: number;
+  readonly #quality: number | undefined;
   readonly #camera: WebGLFramebuffer;
   readonly #upright: WebGLFramebuffer;
 
   constructor(readonly gl: WebGL2RenderingContext, options: PhotoReaderOptions = {}) {
     this.#clock_s = options.clock_s ?? (() => Date.now() / 1000);
     this.#encoder = options.encoder ?? new WorkerPhotoEncoder();
+    this.#longSide_px = options.longSide_px ?? Infinity;
+    this.#quality = options.quality;
     this.#camera = gl.createFramebuffer();
     this.#upright = gl.createFramebuffer();
   }
@@ -60,15 +70,19 @@ export class PhotoReader implements Disposable {
     if (live === null) throw new PhotoError('No photo: tracking is lost.');
     if (image === null) throw new PhotoError('No photo: there is no camera picture yet.');
     const time_s = this.#clock_s();
+    const { pinhole } = live;
+    const scale = Math.min(1, this.#longSide_px / Math.max(pinhole.width_px, pinhole.height_px));
+    const width_px = Math.max(1, Math.round(scale * pinhole.width_px));
+    const height_px = Math.max(1, Math.round(scale * pinhole.height_px));
     const camera: Camera = {
-      pinhole: { ...live.pinhole }, worldFromCam: rigid(live.worldFromCam.rows),
+      pinhole: resized(pinhole, width_px, height_px), worldFromCam: rigid(live.worldFromCam.rows),
     };
     const map = frame.depth();
     const depth = map === null ? null : { ...map, depth_mm: map.depth_mm.slice() };
-    const { width_px, height_px } = camera.pinhole;
-    const buffer = this.#beginReading(image, width_px, height_px);
+    const buffer = this.#beginReading(image, pinhole, camera.pinhole);
     const rgba = await this.#pixels(buffer, 4 * width_px * height_px);
-    const { jpeg, thumbnail } = await this.#encoder.encode(rgba, width_px, height_px);
+    const { jpeg, thumbnail } = await this.#encoder.encode(
+      rgba, width_px, height_px, this.#quality);
     return { camera, jpeg, thumbnail, depth, time_s };
   }
 
@@ -82,8 +96,9 @@ export class PhotoReader implements Disposable {
    * Copies the picture, top row first, and begins to read the copy; WebXR's texture may only be
    * read from, and only now. Leaves GL as it was.
    */
-  #beginReading(image: WebGLTexture, width_px: number, height_px: number): WebGLBuffer {
+  #beginReading(image: WebGLTexture, whole: Pinhole, photo: Pinhole): WebGLBuffer {
     const { gl } = this;
+    const { width_px, height_px } = photo;
     const before = bindings(gl);
     const copy = gl.createRenderbuffer();
     const buffer = gl.createBuffer();
@@ -103,8 +118,8 @@ export class PhotoReader implements Disposable {
       }
       gl.disable(gl.SCISSOR_TEST);
       // Turned upside down on the way: GL's rows begin at the bottom, a photo's at the top.
-      gl.blitFramebuffer(0, 0, width_px, height_px, 0, height_px, width_px, 0,
-        gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      gl.blitFramebuffer(0, 0, whole.width_px, whole.height_px, 0, height_px, width_px, 0,
+        gl.COLOR_BUFFER_BIT, width_px === whole.width_px ? gl.NEAREST : gl.LINEAR);
       gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.#upright);
       gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
       gl.bufferData(gl.PIXEL_PACK_BUFFER, 4 * width_px * height_px, gl.STREAM_READ);

@@ -7,10 +7,15 @@ export interface EncodedPhoto {
   readonly thumbnail: Blob;
 }
 
+const PHOTO_QUALITY = 0.95;
+
 export interface PhotoEncoder extends Disposable {
-  /** @param rgba Top row first; alpha is ignored; the array is taken away. */
+  /**
+   * @param rgba Top row first; alpha is ignored; the array is taken away.
+   * @param quality Of the JPEG, 0…1; by default a photo's.
+   */
   encode(
-    rgba: Uint8Array<ArrayBuffer>, width_px: number, height_px: number,
+    rgba: Uint8Array<ArrayBuffer>, width_px: number, height_px: number, quality?: number,
   ): Promise<EncodedPhoto>;
 }
 
@@ -35,10 +40,10 @@ export class WorkerPhotoEncoder implements PhotoEncoder {
   }
 
   encode(
-    rgba: Uint8Array<ArrayBuffer>, width_px: number, height_px: number,
+    rgba: Uint8Array<ArrayBuffer>, width_px: number, height_px: number, quality = PHOTO_QUALITY,
   ): Promise<EncodedPhoto> {
     const ticket = this.#next++;
-    const request: EncodeRequest = { ticket, rgba: rgba.buffer, width_px, height_px };
+    const request: EncodeRequest = { ticket, rgba: rgba.buffer, width_px, height_px, quality };
     return new Promise((resolve, reject) => {
       this.#waiters.set(ticket, { resolve, reject });
       this.#worker.postMessage(request, [rgba.buffer]);

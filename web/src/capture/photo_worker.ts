@@ -8,17 +8,18 @@ export interface EncodeRequest {
   readonly rgba: ArrayBuffer;
   readonly width_px: number;
   readonly height_px: number;
+  /** Of the JPEG, 0…1. */
+  readonly quality: number;
 }
 
 export type EncodeAnswer =
   | { readonly ticket: number; readonly jpeg: Blob; readonly thumbnail: Blob }
   | { readonly ticket: number; readonly problem: string };
 
-const PHOTO_QUALITY = 0.95;
 const THUMBNAIL_QUALITY = 0.8;
 
 async function encode(
-  { ticket, rgba, width_px, height_px }: EncodeRequest,
+  { ticket, rgba, width_px, height_px, quality }: EncodeRequest,
 ): Promise<EncodeAnswer> {
   const bytes = new Uint8ClampedArray(rgba);
   // A camera's texture may have any alpha, and a canvas would multiply by it.
@@ -30,7 +31,7 @@ async function encode(
   small.pen.imageSmoothingQuality = 'high';
   small.pen.drawImage(full.sheet, 0, 0, size.width_px, size.height_px);
   const [jpeg, thumbnail] = await Promise.all([
-    full.sheet.convertToBlob({ type: 'image/jpeg', quality: PHOTO_QUALITY }),
+    full.sheet.convertToBlob({ type: 'image/jpeg', quality }),
     small.sheet.convertToBlob({ type: 'image/jpeg', quality: THUMBNAIL_QUALITY }),
   ]);
   return { ticket, jpeg, thumbnail };

@@ -5,6 +5,7 @@ import { webXrSource } from '../sources/webxr';
 import { make } from '../ui/dom';
 import { findingsOf, reportOf, verdictOf, type Finding } from './findings';
 import { probe } from './probe';
+import { tracePanel } from './trace_panel';
 
 const SIGNS = { good: '✓', warn: '!', bad: '✕' } as const;
 /** How long the camera is tried. */
@@ -41,6 +42,7 @@ async function tryCamera(out: HTMLElement): Promise<void> {
 }
 
 async function main(): Promise<void> {
+  const query = new URLSearchParams(location.search);
   const facts = await probe(new Api());
   const verdict = verdictOf(facts);
   const trial = make('p', { className: 'quiet', role: 'status' });
@@ -62,6 +64,7 @@ async function main(): Promise<void> {
     ...missingFirst(findingsOf(facts)).map(({ grade, title, text }) =>
       make('div', { className: `finding ${grade}` }, make('i', {}, SIGNS[grade]),
         make('b', {}, title), make('p', {}, text))),
+    ...(facts.immersiveAr || query.get('source') === 'virtual' ? [tracePanel(facts, query)] : []),
   );
 }
 

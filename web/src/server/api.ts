@@ -226,12 +226,10 @@ export class Api {
     return read(response.blob());
   }
 
-  /** Millimetres, rows from the top; the size is in the recording's index. */
-  async recordedDepth(
-    name: string, index: number, signal?: AbortSignal,
-  ): Promise<Uint16Array<ArrayBuffer>> {
-    return new Uint16Array(
-      await this.#bytes(`${recordingPath(name)}/frames/${index}/depth`, signal));
+  /** 16-bit millimetres, rows from the top; the size is in the recording's index, which also says
+   * what it is of a trace. */
+  recordedDepth(name: string, index: number, signal?: AbortSignal): Promise<ArrayBuffer> {
+    return this.#bytes(`${recordingPath(name)}/frames/${index}/depth`, signal);
   }
 
   /** Server-sent events of one session, as bytes; `events.ts` reads them. */

@@ -1,22 +1,8 @@
 /** WebXR's depth, turned to what the rest of the client takes: millimetres in the picture's frame. */
 
-import type { DepthMap } from './frame_source';
+import type { DepthFormat, DepthGeometry, DepthMap, RawDepth } from './frame_source';
 
-/** The part of `XRDepthInformation` that is needed: how a buffer of depth lies in the view. */
-export interface DepthGeometry {
-  readonly width: number;
-  readonly height: number;
-  readonly rawValueToMeters: number;
-  /** From normalized view coordinates (top left origin) to normalized depth coordinates. */
-  readonly normDepthBufferFromNormView: { readonly matrix: Float32Array };
-}
-
-/** The part of `XRCPUDepthInformation` that is needed. */
-export interface RawDepth extends DepthGeometry {
-  readonly data: ArrayBuffer;
-}
-
-export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
+export type { DepthFormat, DepthGeometry, RawDepth } from './frame_source';
 
 /** The largest number of 16 bits: what devices give where they measure nothing. */
 const SATURATED = 65535;

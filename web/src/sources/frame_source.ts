@@ -31,6 +31,33 @@ export interface WorldResets {
   readonly lost: number;
 }
 
+/** The part of `XRDepthInformation` that is needed: how a buffer of depth lies in the view. */
+export interface DepthGeometry {
+  readonly width: number;
+  readonly height: number;
+  readonly rawValueToMeters: number;
+  /** From normalized view coordinates (top left origin) to normalized depth coordinates. */
+  readonly normDepthBufferFromNormView: { readonly matrix: Float32Array };
+}
+
+/** The part of `XRCPUDepthInformation` that is needed. */
+export interface RawDepth extends DepthGeometry {
+  readonly data: ArrayBuffer;
+}
+
+export type DepthFormat = 'luminance-alpha' | 'unsigned-short' | 'float32';
+
+/** What a device says of a frame, before anything is made of it. Valid only during the callback. */
+export interface Told {
+  /** `XRView.transform` and `projectionMatrix`, column by column; null while tracking is lost. */
+  readonly worldFromView: Float32Array | null;
+  readonly projection: Float32Array | null;
+  /** Null where there is none, or it is not in memory. */
+  depth(): { readonly raw: RawDepth; readonly format: DepthFormat } | null;
+  /** Events `reset` since the frame before: the transform, where it is told. */
+  readonly resets: readonly (Float32Array | null)[];
+}
+
 /** One moment of the live picture. Valid only during the callback; the object is used again. */
 export interface LiveFrame {
   /** Of `performance.now()`'s clock. */
@@ -41,6 +68,8 @@ export interface LiveFrame {
   readonly image: WebGLTexture | null;
   /** Since the source began; absent where it cannot happen. */
   readonly resets?: WorldResets;
+  /** Of devices only. */
+  readonly told?: Told;
   /** Changes when the picture does; null where nobody knows, as of a camera. */
   readonly pictureId: number | null;
   /** Where to draw. */

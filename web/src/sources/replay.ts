@@ -1,21 +1,11 @@
-/** A recording of the server, played as the camera. */
+/** A recording of the server, or a trace of a phone, played as the camera. */
 
 import { cameraOfWire, type Camera } from '../geometry';
 import type { RecordingIndex } from '../wire';
 import { known } from './depth';
-import type { DepthMap, FrameSource, LiveFrame, Viewport } from './frame_source';
-
-/** What is needed of the server; `Api` has it. */
-export interface RecordingServer {
-  recording(name: string): Promise<RecordingIndex>;
-  recordedPhoto(name: string, index: number): Promise<Blob>;
-  recordedDepth(name: string, index: number): Promise<Uint16Array<ArrayBuffer>>;
-}
-
-interface Loaded {
-  readonly picture: ImageBitmap;
-  readonly depth: DepthMap | null;
-}
+import type { DepthMap, FrameSource, LiveFrame, Viewport, WorldResets } from './frame_source';
+import { textureOf, type Loaded, type Played, type RecordingServer } from './played';
+import { playedTrace } from './trace';
 
 /** Frames that are held decoded around the one that is shown. */
 const AHEAD = 4;
@@ -61,9 +51,10 @@ async function run(
   onFrame: (frame: LiveFrame) => void, signal: AbortSignal,
 ): Promise<void> {
   const index = await server.recording(name);
-  controls.count = index.frames.length;
-  const cameras = index.frames.map((recorded) => cameraOfWire(recorded.camera));
-  const cache = new FrameCache(server, index);
+  const played = index.trace == null ? playedRecording(server, index)
+    : playedTrace(server, name, index.trace);
+  controls.count = played.count;
+  const cache = new FrameCache(played);
   const frame = new ReplayFrame(gl);
   let shownAt_ms = -Infinity;
   await new Promise<void>((resolve, reject) => {
@@ -74,14 +65,13 @@ async function run(
       }
       requestAnimationFrame(next);
       try {
-        if (controls.playing && time_ms - shownAt_ms >= 1000 / index.fps
+        if (controls.playing && time_ms - shownAt_ms >= played.duration_ms(controls.index)
           && cache.has(Math.min(controls.index + 1, controls.count - 1))) {
           controls.advance();
         }
         const loaded = cache.get(controls.index);
-        const camera = cameras[controls.index];
-        if (loaded === null || camera === undefined) return;
-        if (frame.show(controls.index, loaded, camera)) shownAt_ms = time_ms;
+        if (loaded === null) return;
+        if (frame.show(controls.index, loaded, played)) shownAt_ms = time_ms;
         frame.time_ms = time_ms;
         onFrame(frame);
       } catch (error) {
@@ -94,13 +84,35 @@ async function run(
   frame.close();
 }
 
+function playedRecording(server: RecordingServer, index: RecordingIndex): Played {
+  const cameras = index.frames.map((recorded) => cameraOfWire(recorded.camera));
+  return {
+    count: cameras.length,
+    camera: (i) => cameras[i] ?? null,
+    duration_ms: () => 1000 / index.fps,
+    resets: () => null,
+    async load(i) {
+      const layout = index.frames[i]?.depth ?? null;
+      const [photo, depth] = await Promise.all([
+        server.recordedPhoto(index.name, i),
+        layout === null ? null : server.recordedDepth(index.name, i),
+      ]);
+      return {
+        picture: await textureOf(photo),
+        depth: layout === null || depth === null ? null
+          : known({ ...layout, depth_mm: new Uint16Array(depth) }),
+      };
+    },
+  };
+}
+
 /** Fetches and decodes frames before they are shown. */
 class FrameCache {
   readonly #frames = new Map<number, Loaded | 'coming'>();
   /** The frame around which others were let go last. */
   #around = -1;
 
-  constructor(private readonly server: RecordingServer, private readonly index: RecordingIndex) {}
+  constructor(private readonly played: Played) {}
 
   has(index: number): boolean {
     const held = this.#frames.get(index);
@@ -109,7 +121,7 @@ class FrameCache {
 
   /** The frame if it is here; it and the next ones are fetched if they are not. */
   get(index: number): Loaded | null {
-    const last = Math.min(index + AHEAD, this.index.frames.length - 1);
+    const last = Math.min(index + AHEAD, this.played.count - 1);
     for (let i = index; i <= last; i += 1) if (!this.#frames.has(i)) void this.#fetch(i);
     if (index !== this.#around) this.#letGo(index - AHEAD, last);
     this.#around = index;
@@ -118,7 +130,7 @@ class FrameCache {
   }
 
   close(): void {
-    for (const held of this.#frames.values()) if (held !== 'coming') held.picture.close();
+    for (const held of this.#frames.values()) if (held !== 'coming') held.picture?.close();
     this.#frames.clear();
   }
 
@@ -126,7 +138,7 @@ class FrameCache {
   #letGo(first: number, last: number): void {
     for (const [i, held] of this.#frames) {
       if ((i >= first && i <= last) || held === 'coming') continue;
-      held.picture.close();
+      held.picture?.close();
       this.#frames.delete(i);
     }
   }
@@ -134,17 +146,7 @@ class FrameCache {
   async #fetch(index: number): Promise<void> {
     this.#frames.set(index, 'coming');
     try {
-      const layout = this.index.frames[index]?.depth ?? null;
-      const [photo, depth_mm] = await Promise.all([
-        this.server.recordedPhoto(this.index.name, index),
-        layout === null ? null : this.server.recordedDepth(this.index.name, index),
-      ]);
-      // Textures are filled bottom row first.
-      const picture = await createImageBitmap(photo, {
-        imageOrientation: 'flipY', colorSpaceConversion: 'none',
-      });
-      const depth = layout === null || depth_mm === null ? null : known({ ...layout, depth_mm });
-      this.#frames.set(index, { picture, depth });
+      this.#frames.set(index, await this.played.load(index));
     } catch {
       this.#frames.delete(index); // asked for again at the next frame
     }
@@ -156,11 +158,15 @@ class ReplayFrame implements LiveFrame {
   camera: Camera | null = null;
   image: WebGLTexture | null = null;
   readonly framebuffer = null;
+  resets: WorldResets = { followed: 0, lost: 0 };
+  readonly #texture: WebGLTexture;
   readonly #viewport = { x: 0, y: 0, width: 0, height: 0 };
   #index = -1;
   #depth: DepthMap | null = null;
 
-  constructor(private readonly gl: WebGL2RenderingContext) {}
+  constructor(private readonly gl: WebGL2RenderingContext) {
+    this.#texture = gl.createTexture();
+  }
 
   get pictureId(): number {
     return this.#index;
@@ -173,25 +179,26 @@ class ReplayFrame implements LiveFrame {
   }
 
   /** Returns whether it is another frame than before. */
-  show(index: number, loaded: Loaded, camera: Camera): boolean {
+  show(index: number, { picture, depth }: Loaded, played: Played): boolean {
     if (index === this.#index) return false;
-    const gl = this.gl;
-    this.image ??= gl.createTexture();
+    this.#index = index;
+    this.#depth = depth;
+    this.resets = played.resets(index) ?? this.resets;
+    this.camera = picture === null ? null : played.camera(index);
+    this.image = picture === null ? null : this.#texture;
+    if (picture === null || this.camera === null) return true;
+    const { gl } = this;
     gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.image);
+    gl.bindTexture(gl.TEXTURE_2D, this.#texture);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, loaded.picture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
     for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
       gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
     }
     for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) {
       gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
     }
-    this.#index = index;
-    this.#depth = loaded.depth;
-    this.camera = camera;
-    const { width_px, height_px } = camera.pinhole;
-    fitCanvas(gl.canvas, width_px, height_px);
+    fitCanvas(gl.canvas, this.camera.pinhole.width_px, this.camera.pinhole.height_px);
     return true;
   }
 
@@ -204,7 +211,7 @@ class ReplayFrame implements LiveFrame {
   }
 
   close(): void {
-    this.gl.deleteTexture(this.image);
+    this.gl.deleteTexture(this.#texture);
   }
 }
 

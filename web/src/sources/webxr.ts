@@ -67,7 +67,7 @@ async function run(
     await session.updateRenderState({ baseLayer: layer });
     const space = await session.requestReferenceSpace('local');
     using frame = new XrLiveFrame(session, layer, gl, options.pictureId ?? null);
-    space.addEventListener('reset', (event) => frame.origin.reset(event.transform?.matrix ?? null));
+    space.addEventListener('reset', (event) => frame.reset(event.transform?.matrix ?? null));
     await new Promise<void>((resolve, reject) => {
       session.addEventListener('end', () => resolve());
       signal.addEventListener('abort', () => void session.end().catch(() => resolve()));
@@ -140,8 +140,20 @@ class XrLiveFrame implements LiveFrame, Disposable {
   framebuffer: WebGLFramebuffer | null = null;
   viewport: Viewport = { x: 0, y: 0, width: 1, height: 1 };
 
-  readonly origin = new WorldOrigin();
+  readonly told = {
+    worldFromView: null as Float32Array | null,
+    projection: null as Float32Array | null,
+    resets: [] as (Float32Array | null)[],
+    depth: (): { readonly raw: RawDepth; readonly format: DepthFormat } | null => {
+      const raw = this.#rawDepth();
+      const format = (this.session as DepthSession).depthDataFormat;
+      return raw !== null && format !== undefined && 'data' in raw ? { raw, format } : null;
+    },
+  };
 
+  readonly #origin = new WorldOrigin();
+  /** Resets that came since the last frame. */
+  readonly #came: (Float32Array | null)[] = [];
   readonly #binding: CameraBinding;
   /** Of every frame; written anew each time. */
   readonly #pinhole = pinholeScratch();
@@ -161,11 +173,16 @@ class XrLiveFrame implements LiveFrame, Disposable {
   }
 
   get resets(): WorldResets {
-    return this.origin.resets;
+    return this.#origin.resets;
   }
 
   get pictureId(): number | null {
     return this.idOfPicture?.() ?? null;
+  }
+
+  reset(matrix: Float32Array | null): void {
+    this.#origin.reset(matrix);
+    this.#came.push(matrix);
   }
 
   update(time_ms: number, xrFrame: XRFrame, space: XRReferenceSpace): void {
@@ -174,6 +191,10 @@ class XrLiveFrame implements LiveFrame, Disposable {
     this.framebuffer = this.layer.framebuffer;
     const view = viewWithCamera(xrFrame.getViewerPose(space));
     this.#view = view;
+    this.told.resets.length = 0;
+    this.told.resets.push(...this.#came.splice(0));
+    this.told.worldFromView = view?.transform.matrix ?? null;
+    this.told.projection = view?.projectionMatrix ?? null;
     if (view?.camera == null) {
       this.camera = null;
       this.image = null;
@@ -183,7 +204,7 @@ class XrLiveFrame implements LiveFrame, Disposable {
     const { width, height } = view.camera;
     pinholeOfProjection(view.projectionMatrix, width, height, this.#pinhole);
     worldFromCamOfWebXr(view.transform.matrix, this.#worldFromCam);
-    this.origin.follow(this.#worldFromCam);
+    this.#origin.follow(this.#worldFromCam);
     this.camera = this.#camera;
     this.image = this.#binding.getCameraImage(view.camera);
   }

@@ -18,6 +18,7 @@ import { trackingText, viewsText } from './words';
 
 export interface HudActions extends SheetActions {
   shoot(): void;
+  setAuto(on: boolean): void;
   /** The last one that is there now, which may be ahead of what is shown. */
   undoLast(): void;
 }
@@ -38,6 +39,8 @@ export interface HudState {
   readonly views: readonly CapturedView[];
   /** Undone, and can be brought back. */
   readonly restorable: readonly CapturedView[];
+  /** What the automatic shutter says of itself; null: it is off. */
+  readonly auto: string | null;
   /** A sentence about what hinders, or null. */
   readonly notice: string | null;
   /** How far the server is on its first start, 0…1; null: it is ready. */
@@ -70,6 +73,8 @@ export class Hud {
   readonly #new = make('strong', {}, '–');
   readonly #newPart = make('span', { className: 'new', hidden: true }, this.#new, make('small', {}, 'new'));
   readonly #tracking = make('div', { className: 'tracking' });
+  readonly #auto = button('auto', 'Auto', 'Automatic shutter', () => this.#switchAuto());
+  readonly #autoSays = make('div', { className: 'tracking', hidden: true });
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #said = make('span');
   readonly #progress = make('progress', { hidden: true });
@@ -111,10 +116,11 @@ export class Hud {
     this.#progress.ariaLabel = 'How far the server is';
     const meter = make('div', { className: 'meter' },
       make('div', { className: 'shares' }, this.#share, this.#shareName, this.#newPart),
-      this.#graph, this.#tracking);
+      this.#graph, this.#tracking, this.#autoSays);
     meter.title = 'Wrong: shown otherwise than it is (red). New: never captured (hatched). '
       + `Amber dots: no view will help; touch them to see why. Curve: wrong and new together. Dashed line: the paper's mean, ${PAPER_PERCENT}.`;
-    const tools = make('div', { className: 'tools' },
+    this.#auto.ariaPressed = 'false';
+    const tools = make('div', { className: 'tools' }, this.#auto,
       button('', '?', 'Show the introduction again', () => this.#restartCoach()),
       button('', '⚙', 'Settings', () => this.#open('settings')));
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
@@ -151,6 +157,17 @@ export class Hud {
     if (isApart) say(this.#new, percent(unseenShare));
   }
 
+  #switchAuto(): void {
+    this.#actions.setAuto(this.#state?.auto === null);
+  }
+
+  #showAuto(sentence: string | null): void {
+    const pressed = String(sentence !== null);
+    if (this.#auto.ariaPressed !== pressed) this.#auto.ariaPressed = pressed;
+    show(this.#autoSays, sentence !== null);
+    say(this.#autoSays, sentence ?? '');
+  }
+
   /** Say a sentence for a moment: the answer to a touch. */
   answer(sentence: string): void {
     clearTimeout(this.#toastEnds);
@@ -170,6 +187,7 @@ export class Hud {
       this.#showShares(state);
       say(this.#tracking, trackingText(state.tracking));
     }
+    this.#showAuto(state.auto);
     this.#arrow.point(this.rules.showsRed && state.look.overlay !== 'mpi' ? state.towards : null);
     say(this.#said, state.notice ?? '');
     show(this.#progress, state.gettingReady !== null);

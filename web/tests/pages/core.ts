@@ -1,5 +1,6 @@
 /** The parts of the renderer that a test asks for one by one, in a real browser. */
 
+import { PhotoReader } from '../../src/capture/photo';
 import { cameraOfWire, type Camera } from '../../src/geometry';
 import { Memory } from '../../src/memory/memory';
 import { MpiDecoder } from '../../src/mpi/decoder';
@@ -470,6 +471,30 @@ class Headset extends EventTarget {
   async end(): Promise<void> { this.dispatchEvent(new Event('end')); }
 }
 
-const core = { stillFrames, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader, marks, lookAround };
+/** What goes to the encoder of a photo whose longer side may have so many pixels: RGBA, top row first. */
+async function photoOf(camera: WireCamera, live: string, longSide_px: number): Promise<object> {
+  const { width_px, height_px } = camera.pinhole;
+  const gl = contextOf(8, 8);
+  const image = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, image);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width_px, height_px, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytesOf(live));
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+  let pixels = '';
+  const encoder = {
+    encode(rgba: Uint8Array) {
+      pixels = base64Of(rgba);
+      return Promise.resolve({ jpeg: new Blob(), thumbnail: new Blob() });
+    },
+    [Symbol.dispose]() { /* nothing is held */ },
+  };
+  using reader = new PhotoReader(gl, { encoder, longSide_px });
+  const frame = {
+    camera: cameraOfWire(camera), image, depth: () => null, hasDepth: () => false,
+  } as unknown as LiveFrame;
+  const photo = await reader.read(frame);
+  return { pixels, pinhole: photo.camera.pinhole, error: gl.getError() };
+}
+
+const core = { stillFrames, photoOf, headsetDepth, decode, oneFrame, flicker, frameTime, brokenShader, marks, lookAround };
 export type Core = typeof core;
 Object.assign(window, { core });

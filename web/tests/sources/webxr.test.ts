@@ -7,6 +7,8 @@ const IDENTITY = Float32Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
 interface Shown {
   readonly emulatedPosition: boolean;
   readonly depth: readonly number[];
+  /** An event `reset` that comes before it. */
+  readonly reset?: { readonly transform: { readonly matrix: Float32Array } | null };
 }
 
 /** A session that shows some frames, one after the other. */
@@ -14,6 +16,7 @@ class Session extends EventTarget {
   readonly depthUsage = 'cpu-optimized';
   readonly depthDataFormat = 'unsigned-short';
   readonly #frames: Shown[];
+  readonly #space = new EventTarget();
 
   constructor(frames: readonly Shown[]) {
     super();
@@ -22,11 +25,15 @@ class Session extends EventTarget {
 
   async updateRenderState(): Promise<void> { /* nothing to draw on */ }
 
-  async requestReferenceSpace(): Promise<object> { return new EventTarget(); }
+  async requestReferenceSpace(): Promise<object> { return this.#space; }
 
   requestAnimationFrame(next: (time_ms: number, frame: object) => void): void {
     const shown = this.#frames.shift();
     if (shown === undefined) return;
+    const { reset } = shown;
+    if (reset !== undefined) {
+      setTimeout(() => this.#space.dispatchEvent(Object.assign(new Event('reset'), reset)));
+    }
     setTimeout(next, 0, 0, {
       getViewerPose: () => ({
         emulatedPosition: shown.emulatedPosition,
@@ -75,4 +82,22 @@ test('a buffer in which nothing is known is no depth', async () => {
   const frames = [depth, [0, 0], [65535, 0]].map((values) => (
     { emulatedPosition: false, depth: values }));
   expect(await seen(frames, (frame) => frame.depth() !== null)).toEqual([true, false, false]);
+});
+
+test('a trace hears what the device said, and each reset once', async () => {
+  const moved = Float32Array.from(IDENTITY, (value, i) => (i === 12 ? 3 : value));
+  const frames: Shown[] = [
+    { emulatedPosition: false, depth },
+    { emulatedPosition: true, depth, reset: { transform: { matrix: moved } } },
+    { emulatedPosition: false, depth, reset: { transform: null } },
+    { emulatedPosition: false, depth },
+  ];
+  const told = await seen(frames, (frame) => ({
+    x: frame.told?.worldFromView?.[12], projection: frame.told?.projection,
+    resets: [...frame.told?.resets ?? []], depth: frame.told?.depth(),
+  }));
+  expect(told.map(({ x }) => x)).toEqual([0, undefined, 0, 0]);
+  expect(told.map(({ resets }) => resets)).toEqual([[], [moved], [null], []]);
+  expect(told[0]?.projection).toEqual(IDENTITY);
+  expect(told[0]?.depth).toMatchObject({ format: 'unsigned-short', raw: { width: 2, height: 1 } });
 });

@@ -1,0 +1,65 @@
+"""The automatic shutter on the live page: it takes views where they are missing, and says why not."""
+
+from __future__ import annotations
+
+from playwright.sync_api import BrowserContext
+
+from e2e.virtual_phone_page import VirtualPhonePage, moved
+from live_server import LiveServer
+
+FAR_M = 0.35
+"""So far aside much is new."""
+
+
+def says(phone: VirtualPhonePage) -> str:
+    return phone.page.locator(".meter .tracking").nth(1).inner_text()
+
+
+def is_calm(phone: VirtualPhonePage) -> bool:
+    """Return whether the picture is shown rightly, all views taking part."""
+    return says(phone) == "Auto: nothing new from here" and set(phone.states()) == {"ready"}
+
+
+def test_it_takes_views_until_nothing_is_new(context: BrowserContext, server: LiveServer) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address)
+    button = page.get_by_role("button", name="Automatic shutter")
+    assert button.get_attribute("aria-pressed") == "false"
+    button.click()
+    phone.wait_for(lambda: says(phone) == "Auto: begins after your first view")
+    phone.hold(moved())
+    assert phone.views() == []
+    phone.shoot_and_wait()
+    phone.wait_for(lambda: is_calm(phone))
+    before = len(phone.views())
+
+    phone.hold(moved(FAR_M))
+    phone.wait_for(lambda: len(phone.views()) > before)
+    phone.wait_for(lambda: is_calm(phone))
+    assert phone.peaked_share() < 0.02
+    phone.keep_picture("auto-shutter")
+
+    taken = len(phone.views())
+    button.click()
+    phone.hold(moved(-FAR_M))
+    phone.let_pass(60)
+    assert phone.peaked_share() > 0.02
+    assert len(phone.views()) == taken
+    assert phone.problems == []
+
+
+def test_it_takes_no_views_of_a_finished_session(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address, query="source=virtual&auto=on")
+    phone.hold(moved())
+    phone.shoot_and_wait()
+    phone.wait_for(lambda: is_calm(phone))
+    taken = len(phone.views())
+    page.get_by_role("button", name="Finish the session").click()
+    page.get_by_role("button", name="Finish without downloading").click()
+    phone.hold(moved(FAR_M))
+    phone.wait_for(lambda: says(phone) == "Auto: waits")
+    phone.let_pass(60)
+    assert len(phone.views()) == taken
