@@ -76,8 +76,9 @@ web-test: install
 # Compiled once, while the other core checks style and types, and not by every worker.
 $(KERNELS): $(INSTALLED) $(CLIENT) $(shell find src -name '*_numba.py' -o -name '*_kernels.py')
 	@scripts/install_system_packages
-	@rm -rf out/kernels
-	@$(BIN)/peaking replay scenes/desk --max-frames 3 --out out/kernels >/dev/null 2>&1
+	@rm -rf out/kernels && mkdir -p out
+	@$(BIN)/peaking replay scenes/desk --max-frames 3 --out out/kernels >out/kernels.log 2>&1 \
+	  || { cat out/kernels.log; exit 1; }
 	@touch $@
 
 api-test: install $(KERNELS)
