@@ -1,4 +1,4 @@
-"""The automatic shutter on the live page: it takes views where they are missing, and says why not."""
+"""The automatic shutter on the live page: it takes views where they are missing, or says why."""
 
 from __future__ import annotations
 
