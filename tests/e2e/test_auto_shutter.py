@@ -12,7 +12,7 @@ FAR_M = 0.35
 
 
 def says(phone: VirtualPhonePage) -> str:
-    return phone.page.locator(".meter .tracking").nth(1).inner_text()
+    return phone.page.locator(".meter .auto-says").inner_text()
 
 
 def is_calm(phone: VirtualPhonePage) -> bool:

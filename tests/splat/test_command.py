@@ -92,7 +92,7 @@ def test_places_that_cannot_be_written_to_are_found_at_once(
     assert "is a folder" in fails([str(room), "--out", str(tmp_path / "taken.ply")], capsys)
     (tmp_path / "file").write_bytes(b"")
     below = tmp_path / "file" / "x.ply"
-    assert "not writable" in fails([str(room), "--out", str(below)], capsys)
+    assert "file: is a file" in fails([str(room), "--out", str(below)], capsys)
 
 
 def test_a_scene_without_depth_or_movement_is_refused(

@@ -74,7 +74,7 @@ export class Hud {
   readonly #newPart = make('span', { className: 'new', hidden: true }, this.#new, make('small', {}, 'new'));
   readonly #tracking = make('div', { className: 'tracking' });
   readonly #auto = button('auto', 'Auto', 'Automatic shutter', () => this.#switchAuto());
-  readonly #autoSays = make('div', { className: 'tracking', hidden: true });
+  readonly #autoSays = make('div', { className: 'auto-says', hidden: true });
   readonly #graph = make('canvas', { width: 264, height: 60 });
   readonly #said = make('span');
   readonly #progress = make('progress', { hidden: true });
