@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, PolicyName
+from peaking.output import encode_png
 from peaking.selection import backward_elimination
 from peaking.selection.backward_elimination import HELD_PER_VIEW, BackwardElimination
 from peaking.selection.coverage import cover
@@ -241,6 +243,24 @@ def test_who_stands_still_keeps_one_view(tmp_path: Path) -> None:
         still.path(range(len(cameras))), SelectionOptions("peaking", num_views=3), SMALL
     )
     assert sum(i < 6 for i in chosen) <= 1
+
+
+def test_who_stands_still_keeps_the_sharp_one(tmp_path: Path) -> None:
+    walked = lateral_cameras(12, 160, 120)
+    cameras = [walked[0]] * 3 + walked[1:]
+    root = write_recording(tmp_path / "still", cameras=cameras)
+    for number in (0, 2):
+        path = root / f"images/frame_{number:05d}.png"
+        bgr = cv2.imread(str(path))
+        assert bgr is not None
+        path.write_bytes(encode_png(np.ascontiguousarray(cv2.blur(bgr, (7, 7))[..., ::-1])))
+    options = replace(SMALL, pixels=160 * 120)
+    still = RecordedFrames(open_recording(root), options)
+    policy = BackwardElimination(11, options)
+    decisions = [policy.observe(candidate) for candidate in still.path(range(4)).candidates]
+    assert [decision.take for decision in decisions] == [True, True, False, True]
+    assert decisions[1].dropped == (0,)
+    assert policy.views == (1, 3)
 
 
 def test_peaking_covers_the_whole_walk(frames: RecordedFrames) -> None:

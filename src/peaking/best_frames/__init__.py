@@ -12,13 +12,14 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64
 
 from peaking.datasets import Recording
 from peaking.datasets.depth_unit import typical_distance
 from peaking.geometry import Camera
 from peaking.options import DEFAULT, Options
-from peaking.selection.backward_elimination import BackwardElimination
+from peaking.output import encode_jpeg
+from peaking.selection.backward_elimination import SAME_PLACE, BackwardElimination
 from peaking.selection.blur import relative_to_nearest, worth_of_sharpness
 from peaking.selection.coverage import cover
 from peaking.selection.policy import CurvePoint, Worth
@@ -43,6 +44,8 @@ MOST_WITHOUT_NUMBER = 400
 
 THUMBNAIL_PX = 160
 """Longer side of the small pictures for the report."""
+
+THUMBNAIL_QUALITY = 70
 
 
 @dataclass(frozen=True)
@@ -75,16 +78,14 @@ class BestFrames:
         curve: How good more and more views are; without depth, how far apart they are.
         by_pictures: Whether pictures were predicted; else there was no depth to do so.
         seconds: Wall time of "reading", "generating" and "choosing".
-        thumbnails: Small pictures of the frames, by number.
+        thumbnails: Small pictures of the frames that were looked at, by number, as JPEG.
     """
 
     frames: Sequence[FrameChoice]
     curve: Sequence[CurvePoint] | Sequence[Gap]
     by_pictures: bool
     seconds: dict[str, float] = field(default_factory=dict[str, float])
-    thumbnails: dict[int, UInt8[np.ndarray, "h w 3"]] = field(
-        default_factory=dict[int, UInt8[np.ndarray, "h w 3"]]
-    )
+    thumbnails: dict[int, bytes] = field(default_factory=dict[int, bytes])
 
     @property
     def kept(self) -> list[int]:
@@ -152,7 +153,7 @@ def choose_best(
             return FrameChoice(
                 number, name, True, reason, sharp, None if worth is None else worth.psnr_db
             )
-        reason = _why_not(sharp, float(brighter[number]), chosen.same_place.get(number))
+        reason = _why_not(sharp, float(brighter[number]), number in chosen.same_place)
         return FrameChoice(number, name, False, reason, sharp)
 
     return BestFrames(
@@ -164,12 +165,12 @@ def choose_best(
     )
 
 
-def _why_not(sharp: float, brightness: float, same_place: int | None) -> str:
+def _why_not(sharp: float, brightness: float, same_place: bool) -> str:
     if sharp < BLURRED:
         return "less sharp than others from there"
     if not 1 / UNEVEN < brightness < UNEVEN:
         return f"{'brighter' if brightness > 1 else 'darker'} than others from there"
-    if same_place is not None:
+    if same_place:
         return "taken from the same place as another"
     return "the frames kept show the same"
 
@@ -178,7 +179,7 @@ def _why_not(sharp: float, brightness: float, same_place: int | None) -> str:
 class _Chosen:
     kept: dict[int, Worth | None]
     curve: Sequence[CurvePoint] | Sequence[Gap]
-    same_place: dict[int, int] = field(default_factory=dict[int, int])
+    same_place: set[int] = field(default_factory=set[int])
 
 
 def _by_pictures(
@@ -189,12 +190,11 @@ def _by_pictures(
     progress: Progress,
 ) -> _Chosen:
     policy = BackwardElimination(num_views, frames.options, with_curve=True)
-    same_place: dict[int, int] = {}
+    same_place: set[int] = set()
     for number in progress(usable):
         candidate = RecordedCandidate(frames, number)
-        decision = policy.observe(candidate)
-        if not decision.take and not decision.dropped and decision.reason.startswith("a view"):
-            same_place[number] = number
+        if policy.observe(candidate).reason == SAME_PLACE:
+            same_place.add(number)
         looks.add(number, candidate)
     policy.finish()
     worth = policy.worth
@@ -228,7 +228,7 @@ class _Looks:
     """What is remembered of every frame that was looked at."""
 
     def __init__(self) -> None:
-        self.thumbnails: dict[int, UInt8[np.ndarray, "h w 3"]] = {}
+        self.thumbnails: dict[int, bytes] = {}
         self._cameras: list[Camera] = []
         self._sharpness: list[float] = []
         self._brightness: list[float] = []
@@ -239,7 +239,8 @@ class _Looks:
         height, width = frame.rgb.shape[:2]
         shrink = min(1.0, THUMBNAIL_PX / max(height, width))
         size_px = max(1, round(width * shrink)), max(1, round(height * shrink))
-        self.thumbnails[number] = cv2.resize(frame.rgb, size_px, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(frame.rgb, size_px, interpolation=cv2.INTER_AREA)
+        self.thumbnails[number] = encode_jpeg(small.astype(np.uint8), quality=THUMBNAIL_QUALITY)
         self._cameras.append(frame.camera)
         self._sharpness.append(candidate.sharpness())
         self._brightness.append(float(np.mean(frame.rgb)))

@@ -10,7 +10,6 @@ import numpy as np
 
 from peaking.best_frames import BestFrames, FrameChoice, Gap
 from peaking.datasets import Recording
-from peaking.output import encode_jpeg
 from peaking.replay.charts import nice_at_least
 from peaking.replay.path_map_svg import map_view, path_map
 from peaking.replay.records import FrameRecord
@@ -206,7 +205,7 @@ def _thumbnails(heading: str, frames: Sequence[FrameChoice], best: BestFrames) -
 
 def _figure(frame: FrameChoice, best: BestFrames) -> str:
     picture = best.thumbnails.get(frame.number)
-    image = "" if picture is None else jpeg_image(encode_jpeg(picture, quality=70), frame.name)
+    image = "" if picture is None else jpeg_image(picture, frame.name)
     notes = [frame.reason] if frame.kept else []
     if frame.sharpness is not None:
         notes.append(f"sharpness {frame.sharpness:.2f}")

@@ -23,7 +23,16 @@ from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import Options
 from peaking.selection.blur import Sharpnesses
-from peaking.selection.policy import ALONE, WRONG, Candidate, CurvePoint, Decision, Worth
+from peaking.selection.policy import (
+    ALONE,
+    SHARPER,
+    WRONG,
+    Candidate,
+    CurvePoint,
+    Decision,
+    Why,
+    Worth,
+)
 from peaking.selection.shown_errors import Blend, ShownErrors
 from peaking.view_weights import (
     CLOSE_M,
@@ -58,6 +67,12 @@ one. Each would else be missed by the other, which no third one shows as well.""
 
 GAIN_DB = 1.0
 """The curve has flattened where twice as many views bring less than this."""
+
+SHARPER_BY = 1.1
+"""So many times as sharp, a frame takes the place of a view from the same place."""
+
+SAME_PLACE = "a view from the same place is held"
+"""Why a frame is not held."""
 
 MIN_ERROR = 1e-5
 """Mean squared errors below it count as this in decibels: 50 dB."""
@@ -116,6 +131,7 @@ class BackwardElimination:
         )
         self._seen = _SeenFrames(self._most_seen + 1)
         self._sharp = Sharpnesses()
+        self._sharper: set[int] = set()
         self._error: dict[int, float] = {}
         self._unseen: dict[int, float] = {}
         self._shown_by: dict[int, frozenset[int]] = {}
@@ -145,16 +161,21 @@ class BackwardElimination:
             return Decision(False, "no depth")
         number = candidate.number
         touched = self._see(candidate)
-        new = not self._seen.held or self._seen.nearest_m(number) > SAME_PLACE_M
+        same = self._seen.from_same_place(number)
+        if same is not None and self._sharp.of(number) > SHARPER_BY * self._sharp.of(same):
+            self._replace(same, number, candidate.mpi(self._pixels), also=touched)
+            return Decision(True, f"sharper than view {same}, from there", dropped=(same,))
+        new = same is None
+        shown_now: set[int] = set()
         if new:
             self._hold(number, candidate.mpi(self._pixels))
             touched.add(number)
-        shown_now = self._seen.shown_by(number, self._options.neighbours) if new else set[int]()
+            shown_now = self._seen.shown_by(number, self._options.neighbours)
         self._look_again(sorted(shown_now | {number}), also=touched)
         if len(self._seen.held) <= self._most_held:
             if new:
                 return Decision(True, "held until views that are missed less are known")
-            return Decision(False, "a view from the same place is held")
+            return Decision(False, SAME_PLACE)
         gone = self._drop()
         if gone == number:
             return Decision(False, "the views held show the frames seen so far without it")
@@ -205,6 +226,17 @@ class BackwardElimination:
         self._seen.hold(number)
         self._shown.add_mpi(number, mpi)
         self._shows[number] = set()
+
+    def _replace(self, old: int, new: int, mpi: Mpi, *, also: set[int]) -> None:
+        """Hold a frame instead of a view from the same place."""
+        self._seen.release(old)
+        del self._loss[old]
+        self._hold(new, mpi)
+        self._sharper.add(new)
+        shown_now = self._seen.shown_by(new, self._options.neighbours)
+        self._look_again(sorted(self._shows[old] | shown_now | {new}), also=also | {new})
+        del self._shows[old]
+        self._shown.remove_mpi(old)
 
     def _drop(self) -> int:
         """Give up the view that is least missed; return its number.
@@ -266,10 +298,13 @@ class BackwardElimination:
 
     def _worth(self) -> dict[int, Worth]:
         frames = max(1, len(self._seen))
-        return {
-            i: Worth(loss.psnr_db / frames, ALONE if 2 * loss.unseen > loss.error else WRONG)
-            for i, loss in self._loss.items()
-        }
+        return {i: Worth(loss.psnr_db / frames, self._why(i)) for i, loss in self._loss.items()}
+
+    def _why(self, view: int) -> Why:
+        loss = self._loss[view]
+        if 2 * loss.unseen > loss.error:
+            return ALONE
+        return SHARPER if view in self._sharper else WRONG
 
 
 @dataclass(frozen=True)
@@ -324,9 +359,13 @@ class _SeenFrames:
         self.held.remove(number)
         self._find_held()
 
-    def nearest_m(self, number: int) -> float:
-        """Return the least cost of a frame to be shown by another one, as a view."""
-        return float(self._cost_m[self._row[number], self._held_rows].min())
+    def from_same_place(self, number: int) -> int | None:
+        """Return the view held that was taken where a frame was; None if none was."""
+        if not self.held:
+            return None
+        cost_m = self._cost_m[self._row[number], self._held_rows]
+        nearest = int(np.argmin(cost_m))
+        return self.held[nearest] if cost_m[nearest] <= SAME_PLACE_M else None
 
     def neighbours(
         self, target: int, count: int, *, without: int | None = None

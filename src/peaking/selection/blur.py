@@ -78,6 +78,10 @@ class Sharpnesses:
         k = self._numbers.index(number)
         del self._numbers[k], self._sharpness[k], self._cameras[k]
 
+    def of(self, number: int) -> float:
+        """Return the sharpness of a picture itself."""
+        return self._sharpness[self._numbers.index(number)]
+
     def worth(self, numbers: Sequence[int]) -> Float64[np.ndarray, "n"]:
         """Return what part of what pictures show counts, 0…1, for their sharpness."""
         row = {number: k for k, number in enumerate(self._numbers)}
