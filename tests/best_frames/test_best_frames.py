@@ -141,6 +141,16 @@ def test_the_command_writes_a_data_set_and_why(walk: Path, tmp_path: Path) -> No
     assert not re.search(r'(src|href)="(?!data:|selection\.csv|transforms\.json)', page)
 
 
+def test_fewer_than_asked_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    walked = lateral_cameras(6, 64, 48)
+    root = write_recording(tmp_path / "still", cameras=[walked[0]] * 4 + walked[1:])
+    main(
+        ["select", str(root), "--views", "8", "--out", str(tmp_path / "best"), "--num-planes", "8"]
+    )
+    assert len(open_recording(tmp_path / "best")) == 6
+    assert "only 6 frames were taken from different places" in capsys.readouterr().out
+
+
 def test_nothing_is_left_when_it_cannot_be_done(
     walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

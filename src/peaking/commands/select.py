@@ -85,6 +85,8 @@ class Select:
             write_best_frames(
                 recording, best, folder, follow_links=self.follow_links, keep_exif=self.keep_exif
             )
+        if num_views is not None and len(best.kept) < num_views:
+            say(f"only {len(best.kept)} frames were taken from different places")
         if not best.by_pictures:
             say(
                 "no frame has depth: chosen by poses and sharpness alone; what a model would get "

@@ -176,9 +176,14 @@ class ShownErrors:
 
     def _make_room(self, pixels: int) -> None:
         """Let photos and renderings have so many pixels."""
-        for name in ("_photos", "_rgba"):
-            there = getattr(self, name)
-            if there.shape[1] < pixels:
-                room = np.zeros((len(there), pixels, 4), dtype=there.dtype)
-                room[:, : there.shape[1]] = there
-                setattr(self, name, room)
+        self._photos = _with_room(self._photos, pixels)
+        self._rgba = _with_room(self._rgba, pixels)
+
+
+def _with_room(pictures: np.ndarray, pixels: int) -> np.ndarray:
+    """Return pictures in a row each, with room for at least so many pixels."""
+    if pictures.shape[1] >= pixels:
+        return pictures
+    room = np.zeros((len(pictures), pixels, 4), dtype=pictures.dtype)
+    room[:, : pictures.shape[1]] = pictures
+    return room
