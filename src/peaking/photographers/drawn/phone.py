@@ -1,3 +1,4 @@
+# pyright: basic
 """A phone: how a hand trembles, and what the depth sensor makes of a scene."""
 
 import cv2
