@@ -231,12 +231,17 @@ def _add(builder: MeshBuilder, panels: list[Panel], name: str, value: Any) -> No
             picture = _pane() if light is None else _shining(value)
             builder.add(Part(name, *mesh.arrays(), None, {}), picture, glow=glow)
     elif value["type"] == "sphere":
-        mesh, at_m = MeshParts(smooth=True), tuple(float(x) for x in value["center"])
+        mesh, at_m = MeshParts(smooth=True), _triple(value["center"])
         mesh.turned(ball(value["radius"]), Pose(at_m))
         points_m, uvs, faces = mesh.arrays()
         normals = (points_m - np.array(at_m)) / value["radius"]
         glow = None if light is None else 1.0
         builder.add(Part(name, points_m, uvs, faces, normals, {}), _glaze(), glow=glow)
+
+
+def _triple(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return float(x), float(y), float(z)
 
 
 def _light(value: Mapping[str, Any]) -> np.ndarray | None:

@@ -2,8 +2,8 @@
 """What is to be photographed: the scenes, and from where each is to be shown afterwards.
 
 A task names a volume of camera places and directions. Its coordinates are five numbers in 0…1: a
-place in the volume (three), and a direction (yaw, pitch). Photographers walk in them, and test views
-are drawn from all of them.
+place in the volume (three), and a direction (yaw, pitch). Photographers walk in them, and test
+views are drawn from all of them.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
 TUNING: frozenset[SceneName] = frozenset({"desk", "still-life"})
 """What guides and photographers may be tuned on; the others are for reporting alone."""
 
-WIDTH_PX, HEIGHT_PX = 179, 320
-PINHOLE = Pinhole(WIDTH_PX, HEIGHT_PX, 211.2, 211.2, WIDTH_PX / 2, HEIGHT_PX / 2)
+WIDTH_PX, HEIGHT_PX = 162, 352
+PINHOLE = Pinhole(WIDTH_PX, HEIGHT_PX, 191.2, 191.2, WIDTH_PX / 2, HEIGHT_PX / 2)
 """The camera of `scenes/desk`, 45.93° wide, with fewer pixels."""
 
 Coordinates = Float64[np.ndarray, "5"]
@@ -125,7 +125,7 @@ def _direction(toward: Float64[np.ndarray, "3"]) -> tuple[float, float]:
 
 _HALF = 0.5
 TASKS: dict[SceneName, Task] = {
-    "desk": Task("desk", _desk, ((_HALF,) * 5,), 0.7),
+    "desk": Task("desk", _desk, ((_HALF, _HALF, _HALF, _HALF, _HALF),), 0.7),
     "still-life": Task(
         "still-life",
         _still_life,

@@ -54,7 +54,8 @@ def shell(rng: np.random.Generator) -> dict[str, Any]:
         (prints.map_poster(rng), (0.5, 0.7), 1.0, 1), (prints.art_poster(rng), (0.42, 0.6), 2.6, 1),
         (prints.landscape(rng, (500, 760)), (0.7, 0.46), 4.7, 1),
         (prints.cork_board(rng), (0.7, 0.54), 1.9, -1), (prints.page(rng), (0.32, 0.44), 3.3, -1),
-        (prints.art_poster(rng), (0.5, 0.7), 4.1, -1), (prints.map_poster(rng), (0.5, 0.7), 5.6, -1),
+        (prints.art_poster(rng), (0.5, 0.7), 4.1, -1),
+        (prints.map_poster(rng), (0.5, 0.7), 5.6, -1),
     )  # fmt: skip
     for k, (image, size_m, x, side) in enumerate(hung):
         sheet, yaw = MeshParts(), 0.0 if side == 1 else 180.0

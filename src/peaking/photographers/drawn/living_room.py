@@ -1,4 +1,5 @@
 # pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """The living room: walls, window, lights, and what hangs on the walls.
 
 World axes: +Z up; the floor is 5.0 m by 4.2 m around the origin. North (+Y): a black bookshelf, a

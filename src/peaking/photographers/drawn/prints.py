@@ -1,4 +1,5 @@
 # pyright: basic
+# pyright: reportCallIssue=false
 """Printed things of drawn scenes: pages, posters, book spines, keys, what a screen shows.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.

@@ -1,4 +1,5 @@
 # pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """Surfaces of the living room: plaster, stone, leather, carpet and cloth, many of them dark.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.

@@ -51,7 +51,8 @@ def shell(rng: np.random.Generator) -> dict[str, Any]:
     for k, yaw in enumerate((0.0, 90.0, 180.0, -90.0)):
         turned = Pose(yaw_deg=yaw)
         wall = tuple(turned.apply(np.array((0.0, HALF_M + 0.01, HIGH_M / 2))))
-        (pale if k % 2 else dark).box((wide, 0.02, HIGH_M), Pose(wall, yaw), tile_m=(1.4, 1.4))
+        walls = pale if k % 2 else dark
+        walls.box((wide, 0.02, HIGH_M), Pose(wall, yaw), tile_m=(1.4, 1.4))
         for j, image in enumerate((prints.map_poster(rng), prints.art_poster(rng))):
             at_m = tuple(turned.apply(np.array((-1.0 + 1.7 * j, HALF_M - 0.012, 1.5))))
             size_m, sheet = ((0.6, 0.84), (0.5, 0.7))[j], MeshParts()
@@ -102,7 +103,7 @@ def things(rng: np.random.Generator) -> dict[str, Any]:
     for k in range(7):
         a = 2.4 * k
         base = np.array((0.0 + 0.012 * np.cos(a), -0.22 + 0.012 * np.sin(a), TOP_M))
-        tip = base + (0.04 * np.cos(a), 0.04 * np.sin(a), 0.15 + 0.01 * k)
+        tip = base + np.array((0.04 * np.cos(a), 0.04 * np.sin(a), 0.15 + 0.01 * k))
         pens.tube(base + (tip - base) * np.linspace(0, 1, 5)[:, None], 0.005)
     glaze = [(0.82, 0.78, 0.68), (0.2, 0.36, 0.46), (0.82, 0.78, 0.68), (0.7, 0.34, 0.22)]
     clay = [(0.68, 0.36, 0.24), (0.62, 0.31, 0.2), (0.86, 0.78, 0.64), (0.24, 0.38, 0.42)]

@@ -1,4 +1,5 @@
 # pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """Surfaces of drawn scenes: wood, cloth, paper on the wall, pottery, leaves.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
