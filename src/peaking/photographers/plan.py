@@ -21,7 +21,7 @@ class PhotographersPlan:
     guides: tuple[GuideName, ...] = GUIDE_NAMES
     photos: tuple[int, ...] = (8, 16, 32)
     """Limits of photos; each is a session of its own, where knowing it matters."""
-    seconds: float = 45.0
+    seconds: float = 60.0
     """A session is over after them."""
     photographers: int = 12
     """With every guide in every scene."""

@@ -39,6 +39,13 @@ BORED_S, FORGETS_S, BLIND_S = 5.0, 3.0, 2.0
 TURN_S, LEAST_TURN_RAD = 1.5, 0.12
 """In which they turn to where red is, if they follow, and what they do not turn for."""
 
+SLOWS, SLOWS_FOR_AUTO = 0.85, 0.4
+"""How much of their speed much red takes from those who follow it: of who has to press, and of who
+has an automatic shutter, which asks for it when it is needed."""
+
+MUCH_SHARE = 0.1
+"""What is much; less red slows less."""
+
 HOLD_S = 0.75
 """So long they hold still to press, or when the automatic shutter asks for it."""
 
@@ -140,7 +147,8 @@ class _Session:
         assert options is not None
         views = Reconstruction(options)
         screen = Screen(views, WORTH_SHARE)
-        heed = _Heed(self._body, self._temperament, self._rng)
+        slows = SLOWS_FOR_AUTO if self._guide == "auto" else SLOWS
+        heed = _Heed(self._body, self._temperament, self._rng, slows)
         motion, auto = Motion(), AutoShutter()
         arriving: deque[tuple[float, Frame]] = deque()
         taken_s = -np.inf
@@ -219,8 +227,10 @@ class _Session:
 class _Heed:
     """Reacts to the screen, late and not always."""
 
-    def __init__(self, body: Body, temperament: Temperament, rng: np.random.Generator) -> None:
-        self._body, self._temperament, self._rng = body, temperament, rng
+    def __init__(
+        self, body: Body, temperament: Temperament, rng: np.random.Generator, slows: float
+    ) -> None:
+        self._body, self._temperament, self._rng, self._slows = body, temperament, rng, slows
         self._shown: deque[tuple[float, Shown]] = deque()
         self._stood_s = 0.0
         self._going_until_s = self._blind_until_s = -np.inf
@@ -262,7 +272,8 @@ class _Heed:
         is_red = known is not None and known.peaked_share >= WORTH_SHARE
         wanted = 1.0
         if heeds:
-            wanted = 1 - 0.85 * follows if is_red else 1 + 0.3 * follows
+            much = min(1.0, known.peaked_share / MUCH_SHARE) if known is not None else 0.0
+            wanted = 1 - self._slows * follows * much if is_red else 1 + 0.3 * follows
         self._body.rate += 0.5 * (wanted - self._body.rate)
         self._stood_s = self._stood_s + STEP_S if heeds and is_red else 0.0
         if self._stood_s > BORED_S:
