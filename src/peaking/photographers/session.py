@@ -205,8 +205,8 @@ class _Session:
         if perceived is None:
             return False
         if self._guide == "threshold":
-            return perceived.peaked_share > PAPER_PEAKED_SHARE
-        return perceived.peaked_share > self._level(time_s, limits)
+            return bool(perceived.peaked_share > PAPER_PEAKED_SHARE)
+        return bool(perceived.peaked_share > self._level(time_s, limits))
 
     def _level(self, time_s: float, limits: Limits) -> float:
         """Return how much red is worth one of the photos that are left, for who has no rule.
