@@ -5,7 +5,7 @@ import type { Vector3 } from '../geometry';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import type { TrackingState } from '../tracking/pose_correction';
-import { Coach, ON_ITS_WAY, TASKS, type CoachMoment } from './coach';
+import { Coach, NUM_TASKS, ON_ITS_WAY, taskOf, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import { EdgeArrow } from './edge_arrow';
 import type { HudRules } from './hud_rules';
@@ -21,6 +21,12 @@ export interface HudActions extends SheetActions {
   setAuto(on: boolean): void;
   /** The last one that is there now, which may be ahead of what is shown. */
   undoLast(): void;
+}
+
+/** What can be done about what is said. */
+export interface Offer {
+  readonly label: string;
+  act(): void;
 }
 
 /** The object may be used again for the next frame; `look` and `views` are new when they change. */
@@ -68,6 +74,7 @@ export class Hud {
   readonly #history = new ShareHistory();
   readonly #coach = new Coach();
   readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
+  readonly #way: { auto: boolean; readonly isRecording: boolean };
   readonly #share = make('strong', {}, '–');
   readonly #shareName = make('small', {}, 'red');
   readonly #new = make('strong', {}, '–');
@@ -84,7 +91,7 @@ export class Hud {
   readonly #arrow: EdgeArrow;
   readonly #coachTitle = make('b');
   readonly #coachText = make('span');
-  readonly #coachTasks = make('ol', {}, ...TASKS.map(() => make('li')));
+  readonly #coachTasks = make('ol', {}, ...Array.from({ length: NUM_TASKS }, () => make('li')));
   readonly #coachBox: HTMLElement;
   readonly #looks = new Map<Overlay, HTMLButtonElement>();
   readonly #strip = make('div', { className: 'strip' });
@@ -112,6 +119,7 @@ export class Hud {
     this.#root = root;
     this.#actions = actions;
     this.#replay = replay;
+    this.#way = { auto: false, isRecording: replay !== null };
     this.#notice.ariaLive = 'polite';
     this.#progress.ariaLabel = 'How far the server is';
     const meter = make('div', { className: 'meter' },
@@ -126,7 +134,7 @@ export class Hud {
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
       this.#coachTasks, button('', '✕', 'Hide the introduction', () => this.#endCoach()));
     // Without help everybody sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = TASKS.length;
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = NUM_TASKS;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -164,14 +172,21 @@ export class Hud {
   #showAuto(sentence: string | null): void {
     const pressed = String(sentence !== null);
     if (this.#auto.ariaPressed !== pressed) this.#auto.ariaPressed = pressed;
+    this.#shutter.classList.toggle('automatic', sentence !== null);
     show(this.#autoSays, sentence !== null);
     say(this.#autoSays, sentence ?? '');
   }
 
-  /** Say a sentence for a moment: the answer to a touch. */
-  answer(sentence: string): void {
+  /** Say a sentence for a moment, the answer to a touch, and offer something to do about it. */
+  answer(sentence: string, offer: Offer | null = null): void {
     clearTimeout(this.#toastEnds);
-    say(this.#toast, sentence);
+    this.#toast.replaceChildren(sentence);
+    if (offer !== null) {
+      this.#toast.append(button('', offer.label, offer.label, () => {
+        show(this.#toast, false);
+        offer.act();
+      }));
+    }
     show(this.#toast, true);
     this.#toastEnds = setTimeout(() => show(this.#toast, false), TOAST_MS);
   }
@@ -269,8 +284,9 @@ export class Hud {
     const before = this.#coach.task;
     this.#moment.peakedShare = state.peakedShare;
     this.#coach.update(this.#moment);
-    if (this.#coach.done && before < TASKS.length) this.#endCoach();
-    const task = TASKS[this.#coach.task];
+    if (this.#coach.done && before < NUM_TASKS) this.#endCoach();
+    this.#way.auto = state.auto !== null;
+    const task = taskOf(this.#coach.task, this.#way);
     show(this.#coachBox, task !== undefined && this.#sheet === null && state.gettingReady === null);
     if (task === undefined) return;
     const { title, text } = this.#coach.waits(this.#moment) ? ON_ITS_WAY : task;
@@ -287,7 +303,7 @@ export class Hud {
   }
 
   #endCoach(): void {
-    this.#coach.task = TASKS.length;
+    this.#coach.task = NUM_TASKS;
     store(COACH_SEEN, 'yes');
   }
 
