@@ -80,7 +80,7 @@ export interface CaptureChange {
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
 export interface SelectionQuery {
-  readonly policy?: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy?: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly views?: number | null;
   readonly threshold_share?: number;
   readonly spacing_m?: number | null;
@@ -98,7 +98,7 @@ export interface CaptureDecision {
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
-  readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
 }
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options, PolicyName
 from peaking.selection.all_frames import choose_all
+from peaking.selection.auto_shutter import AutoShutter
 from peaking.selection.backward_elimination import BackwardElimination
 from peaking.selection.coverage import choose_by_coverage
 from peaking.selection.every_nth import choose_every_nth
@@ -93,6 +94,10 @@ def _backward_elimination(selection: SelectionOptions, options: Options) -> Poli
     )
 
 
+def _auto_shutter(selection: SelectionOptions, options: Options) -> Policy:
+    return AutoShutter(selection.num_views, options)
+
+
 def _threshold(selection: SelectionOptions, options: Options) -> Policy | None:
     return Threshold(selection.threshold_share) if selection.num_views is None else None
 
@@ -107,6 +112,7 @@ def _spacing(selection: SelectionOptions, options: Options) -> Policy | None:
 
 POLICIES: Mapping[PolicyName, PolicyKind] = {
     "peaking": PolicyKind(create=_backward_elimination, needs_depth=True),
+    "auto-shutter": PolicyKind(create=_auto_shutter, needs_depth=True),
     "threshold": PolicyKind(create=_threshold, choose=choose_by_threshold, needs_depth=True),
     "uniform": PolicyKind(choose=choose_uniform),
     "every-nth": PolicyKind(choose=choose_every_nth),
@@ -117,8 +123,9 @@ POLICIES: Mapping[PolicyName, PolicyKind] = {
     "random": PolicyKind(choose=choose_randomly, is_random=True),
     "all": PolicyKind(choose=choose_all, all_frames=True),
 }
-"""`peaking` is the product's own, greedy backward elimination; `threshold` is the paper's rule;
-`plenoptic` is LLFF's spacing. The others need the whole path."""
+"""`peaking` is the product's own, greedy backward elimination, and `auto-shutter` the same over the
+frames that the capture page takes by itself; `threshold` is the paper's rule; `plenoptic` is LLFF's
+spacing. The others need the whole path."""
 
 
 def create_policy(
