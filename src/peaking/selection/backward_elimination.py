@@ -31,6 +31,7 @@ from peaking.selection.policy import (
     Why,
     Worth,
 )
+from peaking.selection.seen_frames import SeenFrames
 from peaking.selection.shown_errors import Blend, ShownErrors
 
 HELD_PER_VIEW = 4
