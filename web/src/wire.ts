@@ -94,12 +94,28 @@ export interface CaptureDecision {
   readonly kept: boolean;
   readonly reason: string;
   readonly worth_db?: number | null;
+  readonly sharpness?: number | null;
+  readonly brightness?: number | null;
+  readonly faults?: readonly ('blurred' | 'brighter' | 'darker')[];
+}
+
+/** How well a number of views shows the captures. */
+export interface CurvePoint {
+  readonly num_views: number;
+  readonly psnr_db: number;
 }
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
   readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
+  readonly curve?: readonly CurvePoint[];
+  readonly enough?: number | null;
+}
+
+/** What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark. */
+export interface DatasetQuery {
+  readonly views?: number | 'auto' | null;
 }
 
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -42,7 +41,7 @@ from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
-from peaking.server.requests import device_of, id_in_path, read_body, read_json
+from peaking.server.requests import device_of, id_in_path, read_body, read_json, read_query
 from peaking.server.responses import (
     LASTING,
     attachment,
@@ -51,7 +50,7 @@ from peaking.server.responses import (
     json_response,
     problem,
 )
-from peaking.server.selection import DamagedMpi, select_captures
+from peaking.server.selection import DamagedMpi, Selections, chosen_files
 from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.shown_files import shown_photo, shown_thumbnail, sound_mpi
@@ -134,7 +133,8 @@ class _Handlers:
         self._storing = Turns(STORED_AT_ONCE, name="store", session_by_session=True)
         self._pictures = Turns(DECODINGS_AT_ONCE, name="picture")
         self._selecting = Turns(1, name="select")  # it computes for seconds
-        self._selections = FairRoom(MAX_SELECTIONS)
+        self._selections = Selections(config.options)
+        self._waiting_selections = FairRoom(MAX_SELECTIONS)
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
@@ -246,31 +246,21 @@ class _Handlers:
 
     async def selection(self, request: Request) -> Response:
         session = self._session(request)
-        try:
-            query = msgspec.convert(dict(request.query_params), wire.SelectionQuery, strict=False)
-        except msgspec.ValidationError as error:
-            raise BadUpload(f"The question is wrong: {error}.", status=400) from error
-        place = self._selections.take(1, device_of(request))
-        try:
-            chosen = await self._selecting.do(
-                device_of(request),
-                session.id,
-                select_captures,
-                session,
-                query,
-                self.config.options,
-            )
-        except DamagedMpi as error:
-            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
-            raise Busy(1) from error
-        finally:
-            place.give_back()
-        return json_response(chosen)
+        query = read_query(request, wire.SelectionQuery)
+        return json_response(await self._selected(request, session, query))
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
-        files = await self._changing(request, session.id, session.dataset_files)
-        headers = attachment(f"{session.folder.name}.zip")
+        views = read_query(request, wire.DatasetQuery).views
+        if views is None:
+            name = session.folder.name
+            files = await self._changing(request, session.id, session.dataset_files)
+        else:
+            name = f"{session.folder.name}-best"
+            query = wire.SelectionQuery(views=None if views == "auto" else views)
+            selection = await self._selected(request, session, query)
+            files = await self._changing(request, session.id, chosen_files, session, selection)
+        headers = attachment(f"{name}.zip")
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
         zipped = zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
@@ -376,6 +366,21 @@ class _Handlers:
 
     # Inside
 
+    async def _selected(
+        self, request: Request, session: OpenSession, query: wire.SelectionQuery
+    ) -> wire.Selection:
+        device = device_of(request)
+        place = self._waiting_selections.take(1, device)
+        try:
+            return await self._selecting.do(
+                device, session.id, self._selections.ask, session, query
+            )
+        except DamagedMpi as error:
+            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
+            raise Busy(1) from error
+        finally:
+            place.give_back()
+
     async def _changing(
         self,
         request: Request,
@@ -403,6 +408,7 @@ class _Handlers:
 
     def _erased(self, session_id: str) -> None:
         """End the streams of a session that is erased: who listened asks again, and hears of it."""
+        self._selections.forget(session_id)
         self.hub.end(session_id)
         self.hub.send(SERVER, self._list())
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import msgspec
@@ -149,7 +149,7 @@ class OpenSession:
     def summary(self, *, live: bool = False) -> wire.SessionSummary:
         """Return the line of the list of sessions."""
         begun = self._state.begun
-        kept = [capture for capture in self.captures if not capture.removed]
+        kept = self._kept()
         return wire.SessionSummary(
             id=self.id,
             name=self.name,
@@ -229,19 +229,24 @@ class OpenSession:
             with contextlib.suppress(DiskFull), room_explained():
                 self._files.keep_thumbnail(capture, data)
 
-    def dataset_files(self) -> list[tuple[str, Path | bytes]]:
+    def dataset_files(
+        self, *, only: Collection[str] | None = None
+    ) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone or set aside.
+
+        Args:
+            only: Ids of the captures that are to be in it; all without it.
 
         Raises:
             SessionGone: The session is deleted.
         """
         with self._lock:
             self._refuse_gone()
-            files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms())]
-            for capture in self.captures:
-                if not capture.removed:
-                    names = self._state.files(capture)
-                    files += [(name, self._files.path(capture, name)) for name in names]
+            kept = [c for c in self._kept() if only is None or c.id in only]
+            files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms(kept))]
+            for capture in kept:
+                names = self._state.files(capture)
+                files += [(name, self._files.path(capture, name)) for name in names]
             return files
 
     def peaked(self) -> list[wire.PeakedSample]:
@@ -475,7 +480,7 @@ class OpenSession:
         On a full disk the old one stays until the next time: it follows from the log.
         """
         with self._lock:
-            path, wanted = self.folder / TRANSFORMS, self._transforms()
+            path, wanted = self.folder / TRANSFORMS, self._transforms(self._kept())
             if self._erased or (path.is_file() and path.read_bytes() == wanted):
                 return
             try:
@@ -546,12 +551,14 @@ class OpenSession:
     def _place(self, capture: wire.Capture) -> None:
         self._files.place(capture, self._state.files(capture))
 
-    def _transforms(self) -> bytes:
-        kept = [c for c in self.captures if not c.removed]
-        for capture in kept:
+    def _kept(self) -> list[wire.Capture]:
+        return [capture for capture in self.captures if not capture.removed]
+
+    def _transforms(self, captures: Sequence[wire.Capture]) -> bytes:
+        for capture in captures:
             if capture.id not in self._entries:
                 self._entries[capture.id] = frame_json(capture, self._state.files(capture))
-        return transforms_json(self._entries[capture.id] for capture in kept)
+        return transforms_json(self._entries[capture.id] for capture in captures)
 
 
 def _spread(captures: Sequence[wire.Capture], count: int) -> list[wire.Capture]:
