@@ -37,7 +37,7 @@ from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
-from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
+from peaking.server.open_session import NotRestorable, OpenSession, SessionClosed, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
@@ -282,14 +282,14 @@ class _Handlers:
 
     async def upload(self, request: Request) -> Response:
         session = self._session(request)
-        capture_id = id_in_path(request, "capture")
+        capture_id, arrived_s = id_in_path(request, "capture"), session.now_s
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
         place = self.queue.reserve(device_of(request), session)
         try:
             body = await read_body(request, self.config.max_upload_bytes)
             capture, created = await self._changing(
-                request, session.id, self._keep, session, capture_id, body
+                request, session.id, self._keep, session, capture_id, body, arrived_s
             )
         except BaseException:
             place.give_back()
@@ -393,12 +393,12 @@ class _Handlers:
         return await self._storing.do(device_of(request), session_id, change, *args, **kwargs)
 
     def _keep(
-        self, session: OpenSession, capture_id: str, body: bytearray
+        self, session: OpenSession, capture_id: str, body: bytearray, arrived_s: float
     ) -> tuple[wire.Capture, bool]:
         """Store an upload that is admitted; return it, and whether it is new (in a thread)."""
         self.admission.to_add(session.id)
         upload = parse_upload(body, keep_exif=self.config.keep_exif)
-        return session.store_capture(capture_id, upload)
+        return session.store_capture(capture_id, upload, arrived_s=arrived_s)
 
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
@@ -557,6 +557,8 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
             return problem(410, str(error), kind="erased" if error.final else "deleted")
         if isinstance(error, NotAdmitted):
             return problem(403, str(error), kind="not-admitted")
+        if isinstance(error, SessionClosed):
+            return problem(409, str(error), kind="finished")
         if isinstance(error, NotRestorable):
             return problem(409, str(error))
         if isinstance(error, DiskFull):

@@ -54,6 +54,17 @@ class SessionGone(PeakingError):
         self.final = final
 
 
+class SessionClosed(PeakingError):
+    """The session is finished, and a photo was taken after that."""
+
+    def __init__(self) -> None:
+        """Say what to do."""
+        super().__init__(
+            "The session is finished and takes no photo that was taken after that. Choose "
+            '"Take more views" in it, then send this one again.'
+        )
+
+
 class NotRestorable(PeakingError):
     """The files of a capture are deleted."""
 
@@ -118,6 +129,11 @@ class OpenSession:
         return self._state.deleted_s
 
     @property
+    def now_s(self) -> float:
+        """The time of its clock, seconds since 1970."""
+        return self._clock()
+
+    @property
     def folder(self) -> Path:
         """Where it lies."""
         return self._files.folder
@@ -157,7 +173,7 @@ class OpenSession:
             source=begun.session.source,
             device=begun.session.device,
             created_s=begun.at_s,
-            finished=self._state.finished,
+            finished=self._state.finished_s is not None,
             captures=len(kept),
             ready=sum(capture.state == "ready" for capture in kept),
             peaked_share=self._samples.last,
@@ -255,11 +271,19 @@ class OpenSession:
 
     # Changing
 
-    def store_capture(self, capture_id: str, upload: Upload) -> tuple[wire.Capture, bool]:
+    def store_capture(
+        self, capture_id: str, upload: Upload, *, arrived_s: float | None = None
+    ) -> tuple[wire.Capture, bool]:
         """Keep a capture; return it, and whether it is new. On the disk when this returns.
+
+        Args:
+            capture_id: Made by the client.
+            upload: What it sent.
+            arrived_s: When that began to arrive, by the clock of this session; now without it.
 
         Raises:
             SessionGone: The session is deleted.
+            SessionClosed: The session is finished, and this was taken later.
             BadUpload: It was taken back before, and more is not known of it.
             DiskFull: There is no room.
             OSError: The disk fails in another way.
@@ -270,6 +294,9 @@ class OpenSession:
                 return self.capture(capture_id), False
             if capture_id in self._state.taken_ids:
                 raise BadUpload("This photo was taken back before.")
+            taken_s = upload.taken_s(self._clock() if arrived_s is None else arrived_s)
+            if self._state.finished_s is not None and taken_s > self._state.finished_s:
+                raise SessionClosed
             number = self._state.number + 1
             header = upload.header
             stored = session_log.CaptureStored(
@@ -281,6 +308,7 @@ class OpenSession:
                 depth=upload.depth_mm is not None,
                 points=upload.points_m is not None,
                 corrected_world_from_cam=header.corrected_world_from_cam,
+                automatic=header.automatic,
             )
             files = {photo_name(number): upload.photo}
             if upload.depth_mm is not None:
@@ -430,7 +458,7 @@ class OpenSession:
         """
         with self._lock:
             self._refuse_gone()
-            if finished == self._state.finished:
+            if finished == (self._state.finished_s is not None):
                 return
             self._note(session_log.SessionFinished(at_s=self._clock(), finished=finished))
             for capture in self.captures:

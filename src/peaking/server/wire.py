@@ -138,6 +138,11 @@ class CaptureHeader(Struct, frozen=True):
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
     corrected_world_from_cam: Pose | None = None
     """Where the picture shows that it was taken, beside what the device says in `camera`."""
+    sent_s: Annotated[float, Meta(ge=0, le=1e11)] | None = None
+    """When this was sent, by the clock of `time_s`: so the server knows how long ago it was taken,
+    whatever that clock says."""
+    automatic: bool = False
+    """Taken by an automatic shutter: the program may set it aside."""
 
 
 class Capture(Struct, frozen=True):
@@ -166,6 +171,8 @@ class Capture(Struct, frozen=True):
     """Removed, and PATCH can bring it back."""
     corrected_world_from_cam: Pose | None = None
     """Where the phone found that it was taken; a suggestion beside `camera`."""
+    automatic: bool = False
+    """Taken by an automatic shutter, and never brought back: the program may set it aside."""
 
 
 class CaptureChange(Struct, frozen=True):
@@ -252,7 +259,8 @@ class SessionChange(Struct, frozen=True):
 
     name: Name | None = None
     finished: bool | None = None
-    """True also deletes the photos that were undone: until then they can be brought back."""
+    """True: no photo that is taken from now on is taken in until it is false again, and those that
+    were undone are deleted; until then they can be brought back."""
     deleted: bool | None = None
     """True deletes the whole session, for 30 days until it is erased; false brings it back."""
 
