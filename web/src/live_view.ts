@@ -78,6 +78,7 @@ export class LiveView implements Disposable {
   /** The version of each view's MPI that the store was told of. */
   readonly #known = new Map<string, number>();
   #wanted: ((captureId: string) => void) | null = null;
+  #automatic = false;
   /** A photo is on its way to the session. */
   #busy = false;
   /** The card is giving its pixels. */
@@ -160,8 +161,10 @@ export class LiveView implements Disposable {
   }
 
   /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */
-  shoot(taken: (captureId: string) => void): void {
-    if (this.#state.hindrance === null) this.#wanted = taken;
+  shoot(taken: (captureId: string) => void, { automatic = false } = {}): void {
+    if (this.#state.hindrance !== null) return;
+    this.#wanted = taken;
+    this.#automatic = automatic;
   }
 
   /** Do no more than this from now on, or until the governor says otherwise. */
@@ -210,7 +213,10 @@ export class LiveView implements Disposable {
     const pressed_ms = performance.now();
     try {
       const correctedWorldFromCam = this.#tracker.suggested(frame);
-      const photo = { ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam };
+      const automatic = this.#automatic;
+      const photo = {
+        ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam, automatic,
+      };
       this.#reading = false;
       const read_ms = performance.now();
       const id = await this.session.shutter(photo);
