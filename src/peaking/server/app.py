@@ -37,6 +37,7 @@ from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
+from peaking.server.keeper import MOST_AUTOMATIC, Keeper
 from peaking.server.open_session import NotRestorable, OpenSession, SessionClosed, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
@@ -90,6 +91,8 @@ class ServerOptions:
         max_upload_bytes: Larger uploads are refused.
         pages: What a device opens that is paired by another one; its address, the best first.
         keep_exif: Photos keep their metadata: where, when and with what they were taken.
+        most_automatic: Views of a session that the automatic shutter took and that stay in its
+            data set.
     """
 
     devices: Devices | None
@@ -99,6 +102,7 @@ class ServerOptions:
     max_upload_bytes: int = 64_000_000
     pages: Sequence[str] = ()
     keep_exif: bool = False
+    most_automatic: int = MOST_AUTOMATIC
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -138,6 +142,9 @@ class _Handlers:
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
+        self.keeper = Keeper(
+            config.options, on_set_aside=self._set_aside, most_automatic=config.most_automatic
+        )
         store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
@@ -157,6 +164,7 @@ class _Handlers:
         for turns in (self._storing, self._pictures, self._selecting):
             turns.close()
         self.queue.close()
+        self.keeper.close()
         self.store.close()
 
     # What is there
@@ -405,10 +413,18 @@ class _Handlers:
         self._tell_capture(session, capture)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
+        if capture.automatic:
+            self.keeper.look(session)
+
+    def _set_aside(self, session: OpenSession, capture: wire.Capture) -> None:
+        """Tell that a view was set aside by the program (in its thread)."""
+        self._tell_capture(session, capture)
+        session.refresh_dataset()
 
     def _erased(self, session_id: str) -> None:
         """End the streams of a session that is erased: who listened asks again, and hears of it."""
         self._selections.forget(session_id)
+        self.keeper.forget(session_id)
         self.hub.end(session_id)
         self.hub.send(SERVER, self._list())
 
