@@ -203,7 +203,12 @@ def test_those_that_need_the_whole_path_say_so() -> None:
             create_policy(SelectionOptions(name, num_views=3))
 
 
-@pytest.mark.parametrize("name", ["peaking", "uniform", "plenoptic"])
+def test_ours_needs_no_number_of_views(frames: RecordedFrames) -> None:
+    chosen = select_from(whole(frames), SelectionOptions("peaking"), SMALL)
+    assert 1 <= len(chosen) < NUM_FRAMES
+
+
+@pytest.mark.parametrize("name", ["random", "uniform", "plenoptic"])
 def test_without_a_number_of_views_it_is_said(name: PolicyName) -> None:
     with pytest.raises(ValueError, match=f"need a number of views.*{name}"):
         create_policy(SelectionOptions(name))

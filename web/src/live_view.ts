@@ -28,8 +28,8 @@ export type Hindrance = 'server-not-ready' | 'no-picture' | 'tracking-lost' | 'n
 
 /** What is asked of the shutter, and who hears of it. */
 export interface Shot {
-  /** A picture that is blurred or badly exposed is not kept. */
-  readonly onlyGood: boolean;
+  /** Nobody pressed: a picture that is blurred or badly exposed is not kept. */
+  readonly automatic: boolean;
   /** This device holds it for good. */
   kept(captureId: string): void;
   /** Something is wrong with the picture; `captureId` is null where it was therefore not kept. */
@@ -232,10 +232,13 @@ export class LiveView implements Disposable {
     const judged = this.#sampler.next();
     try {
       const correctedWorldFromCam = this.#tracker.suggested(frame);
-      const photo = { ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam };
+      const photo = {
+        ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam,
+        automatic: shot.automatic,
+      };
       this.#reading = false;
       const read_ms = performance.now();
-      if (shot.onlyGood) {
+      if (shot.automatic) {
         const fault = await Promise.race([judged, nothingAfter(JUDGED_WITHIN_MS)]);
         if (fault !== null) return shot.faulty(fault, null);
       }
@@ -244,7 +247,7 @@ export class LiveView implements Disposable {
       this.timeline.mark(id, 'photo', read_ms);
       this.timeline.mark(id, 'kept', performance.now());
       shot.kept(id);
-      if (!shot.onlyGood) void judged.then((fault) => { if (fault !== null) shot.faulty(fault, id); });
+      if (!shot.automatic) void judged.then((fault) => { if (fault !== null) shot.faulty(fault, id); });
     } catch (error) {
       this.onProblem(error instanceof Error ? error.message : String(error));
     } finally {

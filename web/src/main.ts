@@ -69,8 +69,8 @@ const HINDRANCES: Readonly<Record<NonNullable<Hindrance> | PictureFault, string 
 const STAND_INS: Readonly<Record<SourceChoice['kind'], string>> = {
   webxr: '', replay: 'Play the recording', virtual: 'Try the virtual phone',
 };
-const FINISHED = 'This session is finished: its views are saved, and it takes no more. '
-  + 'Finish, then "Start a new session", begins another.';
+const FINISHED = 'This session is finished: its views are saved. Finish, then "Take more views", goes on '
+  + 'with it.';
 const BY_TOUCH = 'Drag to look around. Two fingers carry the phone; spread them to step closer.';
 /** A notice comes only when what hinders has lasted, so that nothing flickers. */
 const NOTICE_AFTER_MS = 700;
@@ -126,8 +126,8 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   live.look = { ...live.look, threshold: info.options.error_threshold };
   live.governor = governorOf(query, info.options);
   const isOver = (): boolean => extension === null && session.snapshot.finished !== 'no';
-  const shotOf = (onlyGood: boolean): Shot => ({
-    onlyGood,
+  const shotOf = (automatic: boolean): Shot => ({
+    automatic,
     kept: () => { problem = null; hud.confirm(); },
     faulty: (fault, id) => {
       if (id !== null && rules.offersHelp) hud.answer(FAULTS[fault], { label: 'Take it back', act: () => void session.undo(id) });
@@ -156,8 +156,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     retry: (id) => void session.retry(id),
     setLook: (look) => { live.look = guide?.look(look) ?? look; },
     finish: (name) => void session.finish(name),
+    takeMore: () => void session.reopen(),
+    selection: (signal) => session.selection(signal),
+    dataset: (count) => session.dataset(count),
     newSession: () => beginAnew(query),
-    datasetUrl: session.datasetUrl,
   }, replay, rules);
   extension?.attach({ live, session, overlay });
   window.peaking = inspectionOf(live, session, phone, guide);
@@ -183,7 +185,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
     time_ms: 0, look: live.look, peakedShare: null, wrongShare: null, unseenShare: null, towards: null,
-    tracking: live.state.tracking, views: [], restorable: [], auto: null, notice: null, gettingReady: null,
+    tracking: live.state.tracking, views: [], restorable: [], isOver: false, auto: null, notice: null, gettingReady: null,
     canShoot: false, sessionName: '',
   };
   const moment: { -readonly [K in keyof AutoMoment]: AutoMoment[K] } = {
@@ -209,6 +211,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.towards = isApart ? live.state.towards : null;
     shown.views = views;
     shown.restorable = restorable;
+    shown.isOver = isOver();
     const said = isOver() ? FINISHED : null;
     const toSay = rules.offersHelp ? fault : null;
     shown.notice = notices.of(frame.time_ms, hindrance ?? toSay, said ?? jumped ?? problem ?? storageProblem ?? trouble);

@@ -13,7 +13,7 @@ be.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,12 @@ class BackwardElimination:
     """
 
     def __init__(
-        self, num_views: int | None, options: Options, *, with_curve: bool = False
+        self,
+        num_views: int | None,
+        options: Options,
+        *,
+        with_curve: bool = False,
+        most_held: int | None = None,
     ) -> None:
         """Begin without a view.
 
@@ -102,6 +107,7 @@ class BackwardElimination:
             num_views: How many are wanted in the end; None: as many as the curve says are enough.
             options: How views are built and blended.
             with_curve: Whether to find out at the end how good fewer views would be.
+            most_held: Views held until the end; `HELD_PER_VIEW` per view wanted without it.
 
         Raises:
             ValueError: `num_views` < 1.
@@ -110,7 +116,8 @@ class BackwardElimination:
             raise ValueError(f"need num_views >= 1, got {num_views}")
         self._num_views = num_views
         self._options = options
-        self._most_held = HELD_WITHOUT_NUMBER if num_views is None else HELD_PER_VIEW * num_views
+        usual = HELD_WITHOUT_NUMBER if num_views is None else HELD_PER_VIEW * num_views
+        self._most_held = usual if most_held is None else most_held
         self._most_seen = max(MAX_SEEN, 2 * self._most_held)
         self._with_curve = with_curve or num_views is None
         self._pixels = 0
@@ -169,6 +176,14 @@ class BackwardElimination:
             return Decision(False, "the views held show the frames seen so far without it")
         return Decision(new, f"view {gone} is missed least", dropped=(gone,))
 
+    def give_up(self, among: Collection[int]) -> int | None:
+        """Give up the one of some views that is least missed; return it, None if none is held."""
+        return self._drop(among) if any(i in among for i in self._seen.held) else None
+
+    def forget_renderings(self) -> None:
+        """Give the memory back that takes the most; it is filled again when it is needed."""
+        self._shown.forget_renderings()
+
     def finish(self) -> Decision:
         """Drop the least missed until as many are held as are wanted."""
         held = tuple(self._seen.held)
@@ -226,13 +241,13 @@ class BackwardElimination:
         del self._shows[old]
         self._shown.remove_mpi(old)
 
-    def _drop(self) -> int:
-        """Give up the view that is least missed; return its number.
+    def _drop(self, among: Collection[int] | None = None) -> int:
+        """Give up the view that is least missed, of some or of all; return its number.
 
         What is missed of a view counts as much as it is sharp: of two that show the same, the
         sharper one stays.
         """
-        held = self._seen.held
+        held = [i for i in self._seen.held if among is None or i in among]
         missed = np.array([self._loss[i].missed for i in held])
         least = held[int(np.argmin(np.where(missed > 0, missed * self._sharp.worth(held), missed)))]
         self._seen.release(least)

@@ -32,9 +32,10 @@ class SelectionOptions:
     """Which policy chooses views, and by what."""
 
     policy: PolicyName = "threshold"
-    """Which one; the paper's rule needs no number of views, our own, `peaking`, does."""
+    """Which one."""
     num_views: int | None = None
-    """How many views; `threshold` and `plenoptic` need the whole path to reach a number."""
+    """How many views; `threshold` and `plenoptic` need the whole path to reach a number. `peaking`
+    needs none: it keeps as many as are worth it."""
     threshold_share: float = PAPER_PEAKED_SHARE
     """Of `threshold` without a number: the peaked share, 0…1, above which a frame is taken."""
     spacing_m: float | None = None
@@ -88,10 +89,8 @@ class PolicyKind:
         return self.create is None
 
 
-def _backward_elimination(selection: SelectionOptions, options: Options) -> Policy | None:
-    return (
-        None if selection.num_views is None else BackwardElimination(selection.num_views, options)
-    )
+def _backward_elimination(selection: SelectionOptions, options: Options) -> Policy:
+    return BackwardElimination(selection.num_views, options)
 
 
 def _auto_shutter(selection: SelectionOptions, options: Options) -> Policy:

@@ -8,11 +8,12 @@ import type { TrackingState } from '../tracking/pose_correction';
 import { Coach, NUM_TASKS, ON_ITS_WAY, taskOf, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import { EdgeArrow } from './edge_arrow';
+import { finishSheet } from './finish_sheet';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
 import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
 import {
-  finishSheet, settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions,
+  settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions, type SheetState,
 } from './sheets';
 import { trackingText, viewsText } from './words';
 
@@ -30,7 +31,7 @@ export interface Offer {
 }
 
 /** The object may be used again for the next frame; `look` and `views` are new when they change. */
-export interface HudState {
+export interface HudState extends SheetState {
   readonly time_ms: number;
   readonly look: Look;
   readonly peakedShare: number | null;
@@ -42,9 +43,6 @@ export interface HudState {
   readonly towards: Vector3 | null;
   /** How far the device's pose is off, as far as is known. */
   readonly tracking: TrackingState;
-  readonly views: readonly CapturedView[];
-  /** Undone, and can be brought back. */
-  readonly restorable: readonly CapturedView[];
   /** What the automatic shutter says of itself; null: it is off. */
   readonly auto: string | null;
   /** A sentence about what hinders, or null. */
@@ -110,6 +108,7 @@ export class Hud {
   #state: HudState | null = null;
   #shownViews: readonly CapturedView[] = [];
   #shownRestorable: readonly CapturedView[] = [];
+  #shownOver = false;
   #shownLook: Look | null = null;
   #numberAt_ms = -Infinity;
 
@@ -211,9 +210,8 @@ export class Hud {
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
     if (state.look !== this.#shownLook) this.#showLook(state.look);
     this.#follow(this.rules);
-    if (state.views !== this.#shownViews || state.restorable !== this.#shownRestorable) {
-      this.#showViews(state.views, state.restorable);
-    }
+    if (state.views !== this.#shownViews || state.restorable !== this.#shownRestorable
+      || state.isOver !== this.#shownOver) this.#showViews(state);
     this.#showCoach(state);
     this.#showPlayer();
   }
@@ -251,14 +249,16 @@ export class Hud {
     for (const [overlay, each] of this.#looks) each.ariaPressed = String(overlay === look.overlay);
   }
 
-  #showViews(views: readonly CapturedView[], restorable: readonly CapturedView[]): void {
+  #showViews(state: HudState): void {
+    const { views } = state;
     this.#shownViews = views;
-    this.#shownRestorable = restorable;
+    this.#shownRestorable = state.restorable;
+    this.#shownOver = state.isOver;
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, viewsText(views.length));
     this.#showStrip(views);
-    this.#sheet?.update?.(views, restorable);
+    this.#sheet?.update?.(state);
   }
 
   /** Of a long session nearly all is there already. */
@@ -319,13 +319,10 @@ export class Hud {
     if (which === 'finish' && this.rules.finish !== null) return this.rules.finish();
     const close = (): void => this.#close();
     switch (which) {
-      case 'views': 
-        this.#sheet = viewsSheet(state.views, state.restorable, this.#actions, close);
-        break;
+      case 'views': this.#sheet = viewsSheet(state, this.#actions, close); break;
       case 'settings': this.#sheet = settingsSheet(state.look, this.#actions, close); break;
       case 'finish':
-        this.#sheet = finishSheet(
-          state.sessionName, state.views, state.restorable, this.#actions, close);
+        this.#sheet = finishSheet(state.sessionName, state, this.#actions, close);
         break;
       default: which satisfies never;
     }
@@ -336,6 +333,7 @@ export class Hud {
   }
 
   #close(): void {
+    this.#sheet?.closed?.();
     this.#sheet?.element.remove();
     this.#sheet = null;
   }
