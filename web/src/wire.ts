@@ -102,6 +102,32 @@ export interface Selection {
   readonly captures: readonly CaptureDecision[];
 }
 
+/** A pose from which a view helps. */
+export interface GuidedPlace {
+  readonly camera: Camera;
+  readonly reason: string;
+  readonly share: number;
+  readonly picture?: string | null;
+}
+
+/** How complete a capture was. */
+export interface ScoreAt {
+  readonly views: number;
+  readonly score: number;
+}
+
+/** GET /api/v1/sessions/{session}/guidance: where next, how complete it is, what is left. It is computed in the background, of the views whose MPI is ready; `GuidanceChanged` says when. */
+export interface Guidance {
+  readonly revision: number;
+  readonly views: number;
+  readonly score: number;
+  readonly verdict: 'enough' | 'go on' | 'no more help';
+  readonly curve: readonly ScoreAt[];
+  readonly next: GuidedPlace | null;
+  readonly left: readonly GuidedPlace[];
+  readonly surface_m: readonly number[];
+}
+
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
 export interface NewSession {
   readonly protocol: number;
@@ -303,6 +329,12 @@ export interface SessionChanged {
   readonly summary: SessionSummary;
 }
 
+/** There is newer guidance: GET /api/v1/sessions/{session}/guidance. */
+export interface GuidanceChanged {
+  readonly type: 'GuidanceChanged';
+  readonly revision: number;
+}
+
 /** First event of /api/v1/events, for the dashboard; `SessionChanged` follows. */
 export interface SessionList {
   readonly type: 'SessionList';
@@ -310,7 +342,7 @@ export interface SessionList {
   readonly problems?: readonly string[];
 }
 
-export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
+export type SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged;
 
 export type ServerEvent = SessionList | SessionChanged;
 
@@ -507,6 +539,11 @@ export const sessionChangedSchema: Schema<SessionChanged> = /* @__PURE__ */ reco
   summary: sessionSummarySchema,
 });
 
+export const guidanceChangedSchema: Schema<GuidanceChanged> = /* @__PURE__ */ record<GuidanceChanged>({
+  type: oneOf('GuidanceChanged'),
+  revision: integer(),
+});
+
 export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
   type: oneOf('SessionList'),
   sessions: list(sessionSummarySchema),
@@ -517,6 +554,7 @@ export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<S
   SessionState: sessionStateSchema,
   CaptureChanged: captureChangedSchema,
   SessionChanged: sessionChangedSchema,
+  GuidanceChanged: guidanceChangedSchema,
 });
 
 export const serverEventSchema: Schema<ServerEvent> = /* @__PURE__ */ tagged<ServerEvent>({

@@ -38,6 +38,7 @@ from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
+from peaking.server.guidance import GuidanceWorker
 from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
@@ -138,6 +139,11 @@ class _Handlers:
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
+        self.guidance = GuidanceWorker(
+            config.options,
+            on_new=self._tell_guidance,
+            is_busy=lambda: not (self.queue.idle and warm_up.done),
+        )
         store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
@@ -156,6 +162,7 @@ class _Handlers:
         self.hub.close()
         for turns in (self._storing, self._pictures, self._selecting):
             turns.close()
+        self.guidance.close()
         self.queue.close()
         self.store.close()
 
@@ -267,6 +274,9 @@ class _Handlers:
             place.give_back()
         return json_response(chosen)
 
+    async def guided(self, request: Request) -> Response:
+        return json_response(self.guidance.of(self._session(request)))
+
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
         files = await self._changing(request, session.id, session.dataset_files)
@@ -285,6 +295,7 @@ class _Handlers:
         id_in_path(request, "batch")
         told = await read_json(request, wire.PeakedSamples)
         await self._changing(request, session.id, session.add_peaked, told.samples)
+        self.guidance.walked(session, len(told.samples))
         self._tell_summary(session)
         return Response(status_code=204)
 
@@ -337,6 +348,7 @@ class _Handlers:
         if was_away and not capture.removed:
             await run_in_threadpool(self._make_missing, session)
         self._tell_capture(session, capture)
+        self.guidance.want(session)
         await self._changing(request, session.id, session.refresh_dataset)
         return json_response(capture)
 
@@ -398,12 +410,14 @@ class _Handlers:
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
         self._tell_capture(session, capture)
+        self.guidance.want(session)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
 
     def _erased(self, session_id: str) -> None:
         """End the streams of a session that is erased: who listened asks again, and hears of it."""
         self.hub.end(session_id)
+        self.guidance.forget(session_id)
         self.hub.send(SERVER, self._list())
 
     def _make_missing(self, session: OpenSession) -> None:
@@ -420,6 +434,9 @@ class _Handlers:
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
         self._tell_summary(session)
+
+    def _tell_guidance(self, session: OpenSession, revision: int) -> None:
+        self.hub.send(session.id, wire.GuidanceChanged(revision))
 
     def _tell_summary(self, session: OpenSession) -> None:
         event = wire.SessionChanged(self._summary(session))
@@ -526,6 +543,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(session + "/peaked", server.peaked, methods=["GET"]),
         Route(session + "/peaked/{batch}", server.add_peaked, methods=["PUT"]),
         Route(session + "/selection", server.selection, methods=["GET"]),
+        Route(session + "/guidance", server.guided, methods=["GET"]),
         Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
         Route(capture, server.upload, methods=["PUT"]),
         Route(capture, server.remove, methods=["DELETE"]),
