@@ -382,6 +382,29 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   corrected_world_from_cam: optional(nullable(list(number(-100000000, 100000000), 12, 12))),
 });
 
+export const guidedPlaceSchema: Schema<GuidedPlace> = /* @__PURE__ */ record<GuidedPlace>({
+  camera: cameraSchema,
+  reason: text,
+  share: number(0, 1),
+  picture: optional(nullable(text)),
+});
+
+export const scoreAtSchema: Schema<ScoreAt> = /* @__PURE__ */ record<ScoreAt>({
+  views: integer(),
+  score: number(0, 1),
+});
+
+export const guidanceSchema: Schema<Guidance> = /* @__PURE__ */ record<Guidance>({
+  revision: integer(),
+  views: integer(),
+  score: number(0, 1),
+  verdict: oneOf('enough', 'go on', 'no more help'),
+  curve: list(scoreAtSchema),
+  next: nullable(guidedPlaceSchema),
+  left: list(guidedPlaceSchema, 0, 3),
+  surface_m: list(number(-100000000, 100000000), 0, 1500),
+});
+
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
   id: text,
   name: text,

@@ -100,7 +100,7 @@ def step_length_m(scene_depth_m: float) -> float:
     return LONGER ** round(math.log(wanted_m) / math.log(LONGER))
 
 
-def virtual_cameras(
+def poses_around(
     views: Sequence[Camera],
     path: Sequence[Rigid[World, Cam]],
     surface_m: Float32[np.ndarray, "n 3"],

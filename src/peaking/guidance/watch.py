@@ -18,7 +18,7 @@ from peaking.geometry import Cam, Camera, Rigid, World, seen_by
 from peaking.guidance.completeness import ENOUGH, Verdict, score, verdict
 from peaking.guidance.foresight import PIXELS, Foresight, SmallViews
 from peaking.guidance.next_view import Suggestion, apart, keep_or_change, suggestions
-from peaking.guidance.virtual_cameras import CLEARANCE, step_length_m, virtual_cameras
+from peaking.guidance.virtual_cameras import CLEARANCE, poses_around, step_length_m
 from peaking.memory import Memory
 from peaking.memory.depth_maps import DEPTHS
 from peaking.mpi import Mpi
@@ -115,7 +115,7 @@ class Watch:
         size_px = working_size_px(*mpis[0].camera.pinhole.size_px, pixels=PIXELS)
         cameras = [mpi.camera.resized(*size_px) for mpi in mpis]
         surface_m = self._memory.surface_m(CLEARANCE * step_m)
-        around = virtual_cameras(cameras, path, surface_m, step_m)
+        around = poses_around(cameras, path, surface_m, step_m)
         foreseen = [self._foresee(views, virtual.camera, pause) for virtual in around]
         scored = [
             self._foresee(views, Camera(cameras[0].pinhole, pose), pause) for pose in _walked(path)

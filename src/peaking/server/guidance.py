@@ -12,7 +12,7 @@ import logging
 import os
 import sys
 import threading
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -73,7 +73,10 @@ class _Watched:
 
 
 class GuidanceWorker:
-    """A thread that computes the guidance of sessions, one after the other."""
+    """A thread that computes the guidance of sessions, one after the other.
+
+    No lock: the thread of the event loop never waits here, and what it touches changes in one step.
+    """
 
     def __init__(
         self,
@@ -93,10 +96,9 @@ class GuidanceWorker:
         self._on_new = on_new
         self._is_busy = is_busy
         self._builder: ViewBuilder | None = None
-        self._lock = threading.Lock()
         self._waiting: FairQueue[OpenSession] = FairQueue()
         self._due: set[str] = set()
-        self._walked: dict[str, int] = {}
+        self._walked: Counter[str] = Counter()
         self._answers: OrderedDict[str, wire.Guidance] = OrderedDict()
         self._watched: OrderedDict[str, _Watched] = OrderedDict()
         self._closing = threading.Event()
@@ -106,8 +108,7 @@ class GuidanceWorker:
     @property
     def waiting(self) -> int:
         """Sessions that wait for their turn."""
-        with self._lock:
-            return len(self._due)
+        return len(self._due)
 
     @property
     def alive(self) -> bool:
@@ -116,8 +117,7 @@ class GuidanceWorker:
 
     def of(self, session: OpenSession) -> wire.Guidance:
         """Return what is known of a session; where nothing is, it is computed soon."""
-        with self._lock:
-            known = self._answers.get(session.id)
+        known = self._answers.get(session.id)
         if known is None:
             self.want(session)
         return known or NOTHING_YET
@@ -126,27 +126,22 @@ class GuidanceWorker:
         """Have the guidance of a session computed: it has changed. Never waits."""
         if session.owner is not None:
             return  # a study's protocol says what participants are shown
-        with self._lock:
-            if session.id in self._due:
-                return
+        if session.id not in self._due:
             self._due.add(session.id)
-        self._waiting.put(session, "", session.id)
+            self._waiting.put(session, "", session.id)
 
     def walked(self, session: OpenSession, steps: int) -> None:
         """Note that a photographer went on; now and then the guidance is computed for it."""
-        with self._lock:
-            self._walked[session.id] = self._walked.get(session.id, 0) + steps
-            if self._walked[session.id] < STEPS_WALKED or session.id not in self._answers:
-                return
-            del self._walked[session.id]
-        self.want(session)
+        self._walked[session.id] += steps
+        if self._walked[session.id] >= STEPS_WALKED and session.id in self._answers:
+            self._walked.pop(session.id, None)
+            self.want(session)
 
     def forget(self, session_id: str) -> None:
         """Forget a session that is erased."""
-        with self._lock:
-            self._answers.pop(session_id, None)
-            self._watched.pop(session_id, None)
-            self._walked.pop(session_id, None)
+        self._answers.pop(session_id, None)
+        self._watched.pop(session_id, None)
+        self._walked.pop(session_id, None)
 
     def close(self) -> None:
         """End the thread, soon."""
@@ -159,8 +154,7 @@ class GuidanceWorker:
             with contextlib.suppress(OSError):
                 os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
         while (session := self._waiting.get()) is not None:
-            with self._lock:
-                self._due.discard(session.id)
+            self._due.discard(session.id)
             try:
                 self._compute(session)
             except _Closing:
@@ -199,19 +193,17 @@ class GuidanceWorker:
             left=[_place(each, self._picture(each, field_, mpis[0])) for each in advice.left],
             surface_m=_some(advice.surface_m),
         )
-        with self._lock:
-            self._answers[session.id] = answer
-            self._answers.move_to_end(session.id)
-            while len(self._answers) > MAX_ANSWERS:
-                self._answers.popitem(last=False)
+        self._answers.pop(session.id, None)
+        self._answers[session.id] = answer  # the newest last
+        while len(self._answers) > MAX_ANSWERS:
+            self._answers.popitem(last=False)
         self._on_new(session, answer.revision)
 
     def _watched_of(self, session_id: str) -> _Watched:
-        with self._lock:
-            watched = self._watched.pop(session_id, None) or _Watched(Watch(self._small))
-            self._watched[session_id] = watched
-            while len(self._watched) > MAX_WATCHED:
-                self._watched.popitem(last=False)
+        watched = self._watched.pop(session_id, None) or _Watched(Watch(self._small))
+        self._watched[session_id] = watched
+        while len(self._watched) > MAX_WATCHED:
+            self._watched.popitem(last=False)
         return watched
 
     def _mpis(

@@ -24,6 +24,7 @@ RECEIVED = (
     wire.SessionEvent,
     wire.ServerEvent,
     wire.PeakedSamples,
+    wire.Guidance,
     wire.RecordingIndex,
     wire.Paired,
     wire.PairedDevices,
