@@ -183,6 +183,7 @@ REQUESTS: list[tuple[str, str, Any]] = [
     ("patch", SESSION, {"name": "another"}),
     ("put", f"{SESSION}/peaked/{NEW}1", {"samples": []}),
     ("get", f"{SESSION}/peaked", None),
+    ("get", f"{SESSION}/guidance", None),
     ("get", f"{SESSION}/selection?policy=all", None),
     ("get", f"{SESSION}/selection", None),
     ("get", f"{SESSION}/dataset.zip", None),

@@ -11,6 +11,7 @@ import { openExtension } from './extension_registry';
 import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
+import { NextView, type NextViewMoment } from './next_view/next_view';
 import { LiveView, type Hindrance, type Pace, type Shot } from './live_view';
 import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
@@ -27,6 +28,7 @@ import { PictureOnPage } from './ui/picture_fit';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import { onTouch } from './ui/touch';
 import { WHY_UNFIXABLE } from './ui/words';
+import type { Guidance, GuidedPlace } from './wire';
 
 /** For tests, benchmarks, and people with the developer tools open. */
 export interface Inspection {
@@ -44,6 +46,9 @@ export interface Inspection {
   readonly phone: VirtualPhone | null;
   /** Of a guided capture; null without a guide. */
   guide(): GuideState | null;
+  /** The newest guidance of the server, and the one place that is suggested now. */
+  guidance(): Guidance | null;
+  suggested(): GuidedPlace | null;
 }
 
 declare global {
@@ -162,9 +167,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     newSession: () => beginAnew(query),
   }, replay, rules);
   extension?.attach({ live, session, overlay });
-  window.peaking = inspectionOf(live, session, phone, guide);
-
   const picture = new PictureOnPage(choice.kind === 'webxr' ? null : stage.querySelector('canvas'));
+  // A guide says where views are taken, a study's protocol what is shown.
+  const nextView = guide === null && extension === null ? new NextView(overlay, session, picture) : null;
+  window.peaking = inspectionOf(live, session, phone, guide, nextView);
   let visible = WHOLE;
   onTouch(window, (clientX, clientY) => {
     const place = rules.showsRed && !rules.covered ? picture.placeAt(clientX, clientY) : null;
@@ -191,6 +197,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   const moment: { -readonly [K in keyof AutoMoment]: AutoMoment[K] } = {
     time_ms: 0, hindrance: null, fault: null, steady: false, views: 0, ready: 0, peakedShare: null,
   };
+  const next: { -readonly [K in keyof NextViewMoment]: NextViewMoment[K] } = { time_ms: 0, camera: null, quiet: false };
   const loading = overlay.querySelector('.loading');
   const onFrame = (frame: LiveFrame): void => {
     loading?.remove();
@@ -208,7 +215,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     const isApart = info.options.marks === 'apart';
     shown.wrongShare = isApart ? seen?.wrongShare ?? null : null;
     shown.unseenShare = isApart ? seen?.unseenShare ?? null : null;
-    shown.towards = isApart ? live.state.towards : null;
+    shown.towards = isApart && nextView?.suggests !== true ? live.state.towards : null;
     shown.views = views;
     shown.restorable = restorable;
     shown.isOver = isOver();
@@ -230,6 +237,12 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     }
     shown.auto = auto.sentence;
     hud.show(shown);
+    if (nextView !== null) {
+      next.time_ms = frame.time_ms;
+      next.camera = camera;
+      next.quiet = isOver();
+      nextView.onFrame(next);
+    }
     extension?.onFrame(guide?.state ?? null);
     const time_s = Date.now() / 1000;
     if (camera !== null && seen?.peakedShare != null && session.wantsPeaked(time_s)) {
@@ -346,6 +359,7 @@ function beginAnew(query: URLSearchParams): void {
 
 function inspectionOf(
   live: LiveView, session: CaptureSession, phone: VirtualPhone | null, guide: GuideMode | null,
+  nextView: NextView | null,
 ): Inspection {
   return {
     frames: () => live.frames,
@@ -362,6 +376,8 @@ function inspectionOf(
     resident: () => ({ bytes: live.store.residentBytes, views: live.store.residentCount }),
     phone,
     guide: () => guide?.state ?? null,
+    guidance: () => nextView?.newest ?? null,
+    suggested: () => nextView?.place ?? null,
   };
 }
 

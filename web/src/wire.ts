@@ -121,6 +121,32 @@ export interface DatasetQuery {
   readonly views?: number | 'auto' | null;
 }
 
+/** A pose from which a view helps. */
+export interface GuidedPlace {
+  readonly camera: Camera;
+  readonly reason: string;
+  readonly share: number;
+  readonly picture?: string | null;
+}
+
+/** How complete a capture was. */
+export interface ScoreAt {
+  readonly views: number;
+  readonly score: number;
+}
+
+/** GET /api/v1/sessions/{session}/guidance: where next, how complete it is, what is left. It is computed in the background, of the views whose MPI is ready; `GuidanceChanged` says when. */
+export interface Guidance {
+  readonly revision: number;
+  readonly views: number;
+  readonly score: number;
+  readonly verdict: 'enough' | 'go on' | 'no more help';
+  readonly curve: readonly ScoreAt[];
+  readonly next: GuidedPlace | null;
+  readonly left: readonly GuidedPlace[];
+  readonly surface_m: readonly number[];
+}
+
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
 export interface NewSession {
   readonly protocol: number;
@@ -322,6 +348,12 @@ export interface SessionChanged {
   readonly summary: SessionSummary;
 }
 
+/** There is newer guidance: GET /api/v1/sessions/{session}/guidance. */
+export interface GuidanceChanged {
+  readonly type: 'GuidanceChanged';
+  readonly revision: number;
+}
+
 /** First event of /api/v1/events, for the dashboard; `SessionChanged` follows. */
 export interface SessionList {
   readonly type: 'SessionList';
@@ -329,7 +361,7 @@ export interface SessionList {
   readonly problems?: readonly string[];
 }
 
-export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
+export type SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged;
 
 export type ServerEvent = SessionList | SessionChanged;
 
@@ -387,10 +419,33 @@ export const curvePointSchema: Schema<CurvePoint> = /* @__PURE__ */ record<Curve
 });
 
 export const selectionSchema: Schema<Selection> = /* @__PURE__ */ record<Selection>({
-  policy: oneOf('all', 'coverage', 'every-nth', 'farthest', 'peaking', 'plenoptic', 'random', 'sharpest', 'threshold', 'uniform'),
+  policy: oneOf('all', 'auto-shutter', 'coverage', 'every-nth', 'farthest', 'peaking', 'plenoptic', 'random', 'sharpest', 'threshold', 'uniform'),
   captures: list(captureDecisionSchema),
   curve: optional(list(curvePointSchema)),
   enough: optional(nullable(integer())),
+});
+
+export const guidedPlaceSchema: Schema<GuidedPlace> = /* @__PURE__ */ record<GuidedPlace>({
+  camera: cameraSchema,
+  reason: text,
+  share: number(0, 1),
+  picture: optional(nullable(text)),
+});
+
+export const scoreAtSchema: Schema<ScoreAt> = /* @__PURE__ */ record<ScoreAt>({
+  views: integer(),
+  score: number(0, 1),
+});
+
+export const guidanceSchema: Schema<Guidance> = /* @__PURE__ */ record<Guidance>({
+  revision: integer(),
+  views: integer(),
+  score: number(0, 1),
+  verdict: oneOf('enough', 'go on', 'no more help'),
+  curve: list(scoreAtSchema),
+  next: nullable(guidedPlaceSchema),
+  left: list(guidedPlaceSchema, 0, 3),
+  surface_m: list(number(-100000000, 100000000), 0, 1500),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -550,6 +605,11 @@ export const sessionChangedSchema: Schema<SessionChanged> = /* @__PURE__ */ reco
   summary: sessionSummarySchema,
 });
 
+export const guidanceChangedSchema: Schema<GuidanceChanged> = /* @__PURE__ */ record<GuidanceChanged>({
+  type: oneOf('GuidanceChanged'),
+  revision: integer(),
+});
+
 export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
   type: oneOf('SessionList'),
   sessions: list(sessionSummarySchema),
@@ -560,6 +620,7 @@ export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<S
   SessionState: sessionStateSchema,
   CaptureChanged: captureChangedSchema,
   SessionChanged: sessionChangedSchema,
+  GuidanceChanged: guidanceChangedSchema,
 });
 
 export const serverEventSchema: Schema<ServerEvent> = /* @__PURE__ */ tagged<ServerEvent>({

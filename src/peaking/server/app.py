@@ -37,6 +37,7 @@ from peaking.server.events import SERVER, Hub
 from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
+from peaking.server.guidance import GuidanceWorker
 from peaking.server.keeper import MOST_AUTOMATIC, Keeper
 from peaking.server.open_session import NotRestorable, OpenSession, SessionClosed, SessionGone
 from peaking.server.openapi import document
@@ -145,6 +146,11 @@ class _Handlers:
         self.keeper = Keeper(
             config.options, on_set_aside=self._set_aside, most_automatic=config.most_automatic
         )
+        self.guidance = GuidanceWorker(
+            config.options,
+            on_new=self._tell_guidance,
+            is_busy=lambda: not (self.queue.idle and warm_up.done),
+        )
         store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
@@ -163,6 +169,7 @@ class _Handlers:
         self.hub.close()
         for turns in (self._storing, self._pictures, self._selecting):
             turns.close()
+        self.guidance.close()
         self.queue.close()
         self.keeper.close()
         self.store.close()
@@ -257,6 +264,9 @@ class _Handlers:
         query = read_query(request, wire.SelectionQuery)
         return json_response(await self._selected(request, session, query))
 
+    async def guided(self, request: Request) -> Response:
+        return json_response(self.guidance.of(self._session(request)))
+
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
         views = read_query(request, wire.DatasetQuery).views
@@ -283,6 +293,7 @@ class _Handlers:
         id_in_path(request, "batch")
         told = await read_json(request, wire.PeakedSamples)
         await self._changing(request, session.id, session.add_peaked, told.samples)
+        self.guidance.walked(session, len(told.samples))
         self._tell_summary(session)
         return Response(status_code=204)
 
@@ -335,6 +346,7 @@ class _Handlers:
         if was_away and not capture.removed:
             await run_in_threadpool(self._make_missing, session)
         self._tell_capture(session, capture)
+        self.guidance.want(session)
         await self._changing(request, session.id, session.refresh_dataset)
         return json_response(capture)
 
@@ -411,6 +423,7 @@ class _Handlers:
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
         self._tell_capture(session, capture)
+        self.guidance.want(session)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
         if capture.automatic:
@@ -426,6 +439,7 @@ class _Handlers:
         self._selections.forget(session_id)
         self.keeper.forget(session_id)
         self.hub.end(session_id)
+        self.guidance.forget(session_id)
         self.hub.send(SERVER, self._list())
 
     def _make_missing(self, session: OpenSession) -> None:
@@ -442,6 +456,9 @@ class _Handlers:
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
         self._tell_summary(session)
+
+    def _tell_guidance(self, session: OpenSession, revision: int) -> None:
+        self.hub.send(session.id, wire.GuidanceChanged(revision))
 
     def _tell_summary(self, session: OpenSession) -> None:
         event = wire.SessionChanged(self._summary(session))
@@ -548,6 +565,7 @@ def _api_routes(server: _Handlers) -> list[Route]:
         Route(session + "/peaked", server.peaked, methods=["GET"]),
         Route(session + "/peaked/{batch}", server.add_peaked, methods=["PUT"]),
         Route(session + "/selection", server.selection, methods=["GET"]),
+        Route(session + "/guidance", server.guided, methods=["GET"]),
         Route(session + "/dataset.zip", server.dataset, methods=["GET"]),
         Route(capture, server.upload, methods=["PUT"]),
         Route(capture, server.remove, methods=["DELETE"]),

@@ -82,6 +82,7 @@ OPERATIONS = (
         wire.Selection,
         query=tuple(wire.SelectionQuery.__struct_fields__),
     ),
+    Operation("get", _SESSION + "/guidance", "Where next, and what is left", wire.Guidance),
     Operation(
         "get",
         _SESSION + "/dataset.zip",

@@ -25,6 +25,7 @@ RECEIVED = (
     wire.ServerEvent,
     wire.PeakedSamples,
     wire.Selection,
+    wire.Guidance,
     wire.RecordingIndex,
     wire.Paired,
     wire.PairedDevices,

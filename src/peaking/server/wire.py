@@ -38,6 +38,12 @@ Metres = Annotated[float, Meta(ge=-1e8, le=1e8)]
 MAX_POINTS = 20_000
 """Tracked points that come with one capture; WebXR gives none."""
 
+MAX_PLACES_LEFT = 3
+"""Places that guidance names as left."""
+
+MAX_SURFACE_PLACES = 500
+"""Places of the surface that guidance tells."""
+
 MAX_THUMBNAILS = 4
 """Of a session in the list of sessions."""
 
@@ -242,6 +248,52 @@ class DatasetQuery(Struct, frozen=True):
 
     views: Annotated[int, Meta(ge=1, le=100_000)] | Literal["auto"] | None = None
     """The best so many, or as many as are enough, with selection.csv; all without it."""
+
+
+Verdict = Literal["go on", "enough", "no more help"]
+"""Whether to take more views: yes; it is enough; or what is left, no view will mend."""
+
+
+class GuidedPlace(Struct, frozen=True):
+    """A pose from which a view helps."""
+
+    camera: Camera
+    """Of a small picture with the views' field of view."""
+    reason: str
+    """Why, in a few words."""
+    share: Share
+    """How much of the picture a view from there would mend."""
+    picture: str | None = None
+    """What views show there now: a small JPEG, in base 64."""
+
+
+class ScoreAt(Struct, frozen=True):
+    """How complete a capture was."""
+
+    views: int
+    score: Share
+
+
+class Guidance(Struct, frozen=True):
+    """GET /api/v1/sessions/{session}/guidance: where next, how complete it is, what is left.
+
+    It is computed in the background, of the views whose MPI is ready; `GuidanceChanged` says when.
+    """
+
+    revision: int
+    """0: there is none yet, and none comes while no view is ready, or in a study."""
+    views: int
+    """How many views it is about."""
+    score: Share
+    verdict: Verdict
+    curve: list[ScoreAt]
+    """The score after each view, as far as it is known."""
+    next: GuidedPlace | None
+    """The one pose to go to; null where no view helps, or it is enough."""
+    left: Annotated[list[GuidedPlace], Meta(max_length=MAX_PLACES_LEFT)]
+    """What is left, the most first."""
+    surface_m: Annotated[list[Metres], Meta(max_length=3 * MAX_SURFACE_PLACES)]
+    """x, y, z of places in the world where views saw a surface, spread evenly."""
 
 
 class NewSession(Struct, frozen=True):
@@ -563,6 +615,12 @@ class SessionChanged(Struct, frozen=True, tag="SessionChanged"):
     summary: SessionSummary
 
 
+class GuidanceChanged(Struct, frozen=True, tag="GuidanceChanged"):
+    """There is newer guidance: GET /api/v1/sessions/{session}/guidance."""
+
+    revision: int
+
+
 class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
@@ -572,5 +630,5 @@ class SessionList(Struct, frozen=True, tag="SessionList"):
     """A sentence for each session that cannot be opened."""
 
 
-SessionEvent = SessionState | CaptureChanged | SessionChanged
+SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged
 ServerEvent = SessionList | SessionChanged

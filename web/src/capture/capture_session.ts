@@ -32,6 +32,8 @@ export interface SessionSnapshot {
   readonly trouble: string | null;
   /** The browser could not write to its disk: photos are in memory only. */
   readonly storageProblem: string | null;
+  /** Changes when the server may have newer guidance. */
+  readonly guidanceNews: number;
   /** Photos of earlier sessions in this browser that are still to be sent. */
   readonly waitingElsewhere: number;
   /** `pending`: asked for, and told to the server as soon as it has all photos. */
@@ -410,6 +412,7 @@ export class CaptureSession implements Disposable {
       connection: this.#state.connection,
       trouble: this.#state.trouble ?? this.#refusal,
       storageProblem: db.problem,
+      guidanceNews: this.#state.guidanceNews,
       waitingElsewhere: this.#waitingElsewhere,
       finished: this.#finished,
     };

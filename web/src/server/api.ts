@@ -5,9 +5,9 @@
 
 import { integer, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
 import {
-  captureSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
+  captureSchema, guidanceSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
   problemSchema, PROTOCOL, recordingIndexSchema, selectionSchema, serverInfoSchema, sessionSchema,
-  sessionSummarySchema, type Capture, type CaptureChange, type NewSession, type Paired,
+  sessionSummarySchema, type Capture, type CaptureChange, type Guidance, type NewSession, type Paired,
   type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
   type RecordingIndex, type Selection, type ServerInfo, type Session,
   type SessionChange, type SessionSummary,
@@ -214,6 +214,10 @@ export class Api {
 
   peaked(sessionId: string): Promise<PeakedSamples> {
     return this.#json('GET', `${sessionPath(sessionId)}/peaked`, peakedSamplesSchema);
+  }
+
+  guidance(sessionId: string): Promise<Guidance> {
+    return this.#json('GET', `${sessionPath(sessionId)}/guidance`, guidanceSchema);
   }
 
   recording(name: string): Promise<RecordingIndex> {

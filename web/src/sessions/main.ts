@@ -188,6 +188,8 @@ function follow(id: string, event: SessionEvent): void {
       shown = { ...shown, session: { ...shown.session, captures } };
       break;
     }
+    case 'GuidanceChanged':
+      return; // for who captures
     case 'SessionChanged':
       if (shown === null) return;
       if (isDeleted(event.summary)) {

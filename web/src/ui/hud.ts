@@ -144,7 +144,7 @@ export class Hud {
       make('div', { className: 'shoot' },
         make('div', { className: 'side' }, this.#count), this.#shutter,
         make('div', { className: 'side' }, this.#finish)));
-    this.#arrow = new EdgeArrow(root);
+    this.#arrow = new EdgeArrow(root, 'The largest wrong area lies in this direction');
     root.append(this.#flash, make('div', { className: 'top' }, meter, tools), this.#notice, this.#toast,
       this.#coachBox, bottom);
     this.#red = [meter, looks];
