@@ -144,7 +144,10 @@ class _Handlers:
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
         self.keeper = Keeper(
-            config.options, on_set_aside=self._set_aside, most_automatic=config.most_automatic
+            config.options,
+            on_set_aside=self._set_aside,
+            may_work=lambda: self.queue.at_rest,
+            most_automatic=config.most_automatic,
         )
         self.guidance = GuidanceWorker(
             config.options,

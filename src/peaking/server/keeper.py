@@ -11,6 +11,7 @@ import logging
 import os
 import queue
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,6 +34,10 @@ NICENESS = 10
 
 ENDING_S = 10.0
 
+POLL_S = 0.02
+MOST_PATIENT_S = 5.0
+"""So long it waits, for each view that it looks at, until there is nothing else to do."""
+
 _log = logging.getLogger("peaking.server")
 
 Told = Callable[[OpenSession, wire.Capture], None]
@@ -53,17 +58,24 @@ class Keeper:
     """Looks at sessions in a thread of its own, one after the other, when nothing else is to do."""
 
     def __init__(
-        self, options: Options, *, on_set_aside: Told, most_automatic: int = MOST_AUTOMATIC
+        self,
+        options: Options,
+        *,
+        on_set_aside: Told,
+        may_work: Callable[[], bool] = lambda: True,
+        most_automatic: int = MOST_AUTOMATIC,
     ) -> None:
         """Start the thread.
 
         Args:
             options: How views are built and shown.
             on_set_aside: Called from the thread for each view that was set aside.
+            may_work: Whether there is nothing else to do now.
             most_automatic: How many views that were taken automatically stay in a session.
         """
         self._options = options
         self._on_set_aside = on_set_aside
+        self._may_work = may_work
         self._most = most_automatic
         self._due: queue.SimpleQueue[OpenSession | None] = queue.SimpleQueue()
         self._waiting: set[str] = set()
@@ -138,6 +150,13 @@ class Keeper:
         number = spare[0] if spare else watched.policy.give_up(known)
         return None if number is None else automatic[number]
 
+    def _give_way(self) -> None:
+        """Wait until there is nothing else to do, but not for ever."""
+        for _ in range(round(MOST_PATIENT_S / POLL_S)):
+            if self._closed or self._may_work():
+                return
+            time.sleep(POLL_S)
+
     def _looked_at(self, session: OpenSession) -> _Watched:
         """Look at the views that came since the last time."""
         candidates = candidates_of(session)
@@ -158,6 +177,7 @@ class Keeper:
             if self._closed:
                 break
             if capture.id not in watched.seen:
+                self._give_way()
                 watched.policy.observe(CapturedCandidate(views, capture.id, capture.number))
                 watched.seen[capture.id] = capture.number
         return watched
