@@ -53,6 +53,8 @@ export interface CaptureHeader {
   readonly depth?: DepthLayout | null;
   readonly points?: number;
   readonly corrected_world_from_cam?: readonly number[] | null;
+  readonly sent_s?: number | null;
+  readonly automatic?: boolean;
 }
 
 /** One captured view, as the server holds it. */
@@ -71,6 +73,7 @@ export interface Capture {
   readonly ending?: 'erased' | 'set_aside' | 'undone' | null;
   readonly restorable?: boolean;
   readonly corrected_world_from_cam?: readonly number[] | null;
+  readonly automatic?: boolean;
 }
 
 /** PATCH /api/v1/sessions/{session}/captures/{capture}: `null` brings it back. */
@@ -80,7 +83,7 @@ export interface CaptureChange {
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
 export interface SelectionQuery {
-  readonly policy?: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy?: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly views?: number | null;
   readonly threshold_share?: number;
   readonly spacing_m?: number | null;
@@ -94,12 +97,54 @@ export interface CaptureDecision {
   readonly kept: boolean;
   readonly reason: string;
   readonly worth_db?: number | null;
+  readonly sharpness?: number | null;
+  readonly brightness?: number | null;
+  readonly faults?: readonly ('blurred' | 'brighter' | 'darker')[];
+}
+
+/** How well a number of views shows the captures. */
+export interface CurvePoint {
+  readonly num_views: number;
+  readonly psnr_db: number;
 }
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
-  readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
+  readonly curve?: readonly CurvePoint[];
+  readonly enough?: number | null;
+}
+
+/** What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark. */
+export interface DatasetQuery {
+  readonly views?: number | 'auto' | null;
+}
+
+/** A pose from which a view helps. */
+export interface GuidedPlace {
+  readonly camera: Camera;
+  readonly reason: string;
+  readonly share: number;
+  readonly picture?: string | null;
+}
+
+/** How complete a capture was. */
+export interface ScoreAt {
+  readonly views: number;
+  readonly score: number;
+}
+
+/** GET /api/v1/sessions/{session}/guidance: where next, how complete it is, what is left. It is computed in the background, of the views whose MPI is ready; `GuidanceChanged` says when. */
+export interface Guidance {
+  readonly revision: number;
+  readonly views: number;
+  readonly score: number;
+  readonly verdict: 'enough' | 'go on' | 'no more help';
+  readonly curve: readonly ScoreAt[];
+  readonly next: GuidedPlace | null;
+  readonly left: readonly GuidedPlace[];
+  readonly surface_m: readonly number[];
 }
 
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
@@ -303,6 +348,12 @@ export interface SessionChanged {
   readonly summary: SessionSummary;
 }
 
+/** There is newer guidance: GET /api/v1/sessions/{session}/guidance. */
+export interface GuidanceChanged {
+  readonly type: 'GuidanceChanged';
+  readonly revision: number;
+}
+
 /** First event of /api/v1/events, for the dashboard; `SessionChanged` follows. */
 export interface SessionList {
   readonly type: 'SessionList';
@@ -310,7 +361,7 @@ export interface SessionList {
   readonly problems?: readonly string[];
 }
 
-export type SessionEvent = SessionState | CaptureChanged | SessionChanged;
+export type SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged;
 
 export type ServerEvent = SessionList | SessionChanged;
 
@@ -348,6 +399,53 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   ending: optional(nullable(oneOf('erased', 'set_aside', 'undone'))),
   restorable: optional(flag),
   corrected_world_from_cam: optional(nullable(list(number(-100000000, 100000000), 12, 12))),
+  automatic: optional(flag),
+});
+
+export const captureDecisionSchema: Schema<CaptureDecision> = /* @__PURE__ */ record<CaptureDecision>({
+  id: text,
+  number: integer(),
+  kept: flag,
+  reason: text,
+  worth_db: optional(nullable(number())),
+  sharpness: optional(nullable(number())),
+  brightness: optional(nullable(number())),
+  faults: optional(list(oneOf('blurred', 'brighter', 'darker'))),
+});
+
+export const curvePointSchema: Schema<CurvePoint> = /* @__PURE__ */ record<CurvePoint>({
+  num_views: integer(),
+  psnr_db: number(),
+});
+
+export const selectionSchema: Schema<Selection> = /* @__PURE__ */ record<Selection>({
+  policy: oneOf('all', 'auto-shutter', 'coverage', 'every-nth', 'farthest', 'peaking', 'plenoptic', 'random', 'sharpest', 'threshold', 'uniform'),
+  captures: list(captureDecisionSchema),
+  curve: optional(list(curvePointSchema)),
+  enough: optional(nullable(integer())),
+});
+
+export const guidedPlaceSchema: Schema<GuidedPlace> = /* @__PURE__ */ record<GuidedPlace>({
+  camera: cameraSchema,
+  reason: text,
+  share: number(0, 1),
+  picture: optional(nullable(text)),
+});
+
+export const scoreAtSchema: Schema<ScoreAt> = /* @__PURE__ */ record<ScoreAt>({
+  views: integer(),
+  score: number(0, 1),
+});
+
+export const guidanceSchema: Schema<Guidance> = /* @__PURE__ */ record<Guidance>({
+  revision: integer(),
+  views: integer(),
+  score: number(0, 1),
+  verdict: oneOf('enough', 'go on', 'no more help'),
+  curve: list(scoreAtSchema),
+  next: nullable(guidedPlaceSchema),
+  left: list(guidedPlaceSchema, 0, 3),
+  surface_m: list(number(-100000000, 100000000), 0, 1500),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -507,6 +605,11 @@ export const sessionChangedSchema: Schema<SessionChanged> = /* @__PURE__ */ reco
   summary: sessionSummarySchema,
 });
 
+export const guidanceChangedSchema: Schema<GuidanceChanged> = /* @__PURE__ */ record<GuidanceChanged>({
+  type: oneOf('GuidanceChanged'),
+  revision: integer(),
+});
+
 export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
   type: oneOf('SessionList'),
   sessions: list(sessionSummarySchema),
@@ -517,6 +620,7 @@ export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<S
   SessionState: sessionStateSchema,
   CaptureChanged: captureChangedSchema,
   SessionChanged: sessionChangedSchema,
+  GuidanceChanged: guidanceChangedSchema,
 });
 
 export const serverEventSchema: Schema<ServerEvent> = /* @__PURE__ */ tagged<ServerEvent>({

@@ -114,6 +114,17 @@ class Memory:
         """How many views have seen each cell."""
         return self._views
 
+    def surface_m(self, size_m: float) -> Float32[np.ndarray, "places 3"]:
+        """Return places in the world where views saw a surface, one in each cube that has any.
+
+        Args:
+            size_m: Side of the cubes, > 0.
+        """
+        points_m = self._world_from_grid.apply(self._centres_m.astype(np.float64))
+        cubes = np.floor(points_m / size_m).astype(np.int64)
+        _, first = np.unique(cubes, axis=0, return_index=True)
+        return points_m[first].astype(np.float32)
+
     def follow(self, mpis: Iterable[Mpi]) -> None:
         """Remember these views and no others: new ones are added, missing ones forgotten."""
         wanted = list(mpis)

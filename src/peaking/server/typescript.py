@@ -24,6 +24,8 @@ RECEIVED = (
     wire.SessionEvent,
     wire.ServerEvent,
     wire.PeakedSamples,
+    wire.Selection,
+    wire.Guidance,
     wire.RecordingIndex,
     wire.Paired,
     wire.PairedDevices,

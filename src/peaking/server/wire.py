@@ -38,6 +38,12 @@ Metres = Annotated[float, Meta(ge=-1e8, le=1e8)]
 MAX_POINTS = 20_000
 """Tracked points that come with one capture; WebXR gives none."""
 
+MAX_PLACES_LEFT = 3
+"""Places that guidance names as left."""
+
+MAX_SURFACE_PLACES = 500
+"""Places of the surface that guidance tells."""
+
 MAX_THUMBNAILS = 4
 """Of a session in the list of sessions."""
 
@@ -138,6 +144,11 @@ class CaptureHeader(Struct, frozen=True):
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
     corrected_world_from_cam: Pose | None = None
     """Where the picture shows that it was taken, beside what the device says in `camera`."""
+    sent_s: Annotated[float, Meta(ge=0, le=1e11)] | None = None
+    """When this was sent, by the clock of `time_s`: so the server knows how long ago it was taken,
+    whatever that clock says."""
+    automatic: bool = False
+    """Taken by an automatic shutter: the program may set it aside."""
 
 
 class Capture(Struct, frozen=True):
@@ -166,6 +177,8 @@ class Capture(Struct, frozen=True):
     """Removed, and PATCH can bring it back."""
     corrected_world_from_cam: Pose | None = None
     """Where the phone found that it was taken; a suggestion beside `camera`."""
+    automatic: bool = False
+    """Taken by an automatic shutter, and never brought back: the program may set it aside."""
 
 
 class CaptureChange(Struct, frozen=True):
@@ -179,7 +192,8 @@ class SelectionQuery(Struct, frozen=True):
 
     policy: method.PolicyName = "peaking"
     views: Annotated[int, Meta(ge=1, le=100_000)] | None = None
-    """How many; every policy needs it but `all`, `threshold` and `plenoptic`."""
+    """How many; every policy needs it but `peaking`, which then keeps as many as are enough, `all`,
+    `threshold` and `plenoptic`."""
     threshold_share: Annotated[float, Meta(ge=0, lt=1)] = method.PAPER_PEAKED_SHARE
     """Of `threshold` without a number: the peaked share above which a view is taken."""
     spacing_m: Positive | None = None
@@ -199,6 +213,20 @@ class CaptureDecision(Struct, frozen=True):
     worth_db: float | None = None
     """Of a view that `peaking` keeps: how much worse the mean PSNR of all captures would be without
     it, each shown by the others."""
+    sharpness: float | None = None
+    """Over that of the captures from nearby: 1 is as sharp as these."""
+    brightness: float | None = None
+    """Over that of the captures from nearby."""
+    faults: list[Literal["blurred", "brighter", "darker"]] = []
+    """What is wrong with it beside the captures from nearby."""
+
+
+class CurvePoint(Struct, frozen=True):
+    """How well a number of views shows the captures."""
+
+    num_views: int
+    psnr_db: float
+    """Predicted: mean PSNR of all captures, each shown by the best so many others."""
 
 
 class Selection(Struct, frozen=True):
@@ -209,6 +237,63 @@ class Selection(Struct, frozen=True):
 
     policy: method.PolicyName
     captures: list[CaptureDecision]
+    curve: list[CurvePoint] = []
+    """By `peaking`, in rising number of views."""
+    enough: int | None = None
+    """By `peaking` without a number of views: twice as many would bring less than 1 dB."""
+
+
+class DatasetQuery(Struct, frozen=True):
+    """What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark."""
+
+    views: Annotated[int, Meta(ge=1, le=100_000)] | Literal["auto"] | None = None
+    """The best so many, or as many as are enough, with selection.csv; all without it."""
+
+
+Verdict = Literal["go on", "enough", "no more help"]
+"""Whether to take more views: yes; it is enough; or what is left, no view will mend."""
+
+
+class GuidedPlace(Struct, frozen=True):
+    """A pose from which a view helps."""
+
+    camera: Camera
+    """Of a small picture with the views' field of view."""
+    reason: str
+    """Why, in a few words."""
+    share: Share
+    """How much of the picture a view from there would mend."""
+    picture: str | None = None
+    """What views show there now: a small JPEG, in base 64."""
+
+
+class ScoreAt(Struct, frozen=True):
+    """How complete a capture was."""
+
+    views: int
+    score: Share
+
+
+class Guidance(Struct, frozen=True):
+    """GET /api/v1/sessions/{session}/guidance: where next, how complete it is, what is left.
+
+    It is computed in the background, of the views whose MPI is ready; `GuidanceChanged` says when.
+    """
+
+    revision: int
+    """0: there is none yet, and none comes while no view is ready, or in a study."""
+    views: int
+    """How many views it is about."""
+    score: Share
+    verdict: Verdict
+    curve: list[ScoreAt]
+    """The score after each view, as far as it is known."""
+    next: GuidedPlace | None
+    """The one pose to go to; null where no view helps, or it is enough."""
+    left: Annotated[list[GuidedPlace], Meta(max_length=MAX_PLACES_LEFT)]
+    """What is left, the most first."""
+    surface_m: Annotated[list[Metres], Meta(max_length=3 * MAX_SURFACE_PLACES)]
+    """x, y, z of places in the world where views saw a surface, spread evenly."""
 
 
 class NewSession(Struct, frozen=True):
@@ -226,7 +311,8 @@ class SessionChange(Struct, frozen=True):
 
     name: Name | None = None
     finished: bool | None = None
-    """True also deletes the photos that were undone: until then they can be brought back."""
+    """True: no photo that is taken from now on is taken in until it is false again, and those that
+    were undone are deleted; until then they can be brought back."""
     deleted: bool | None = None
     """True deletes the whole session, for 30 days until it is erased; false brings it back."""
 
@@ -529,6 +615,12 @@ class SessionChanged(Struct, frozen=True, tag="SessionChanged"):
     summary: SessionSummary
 
 
+class GuidanceChanged(Struct, frozen=True, tag="GuidanceChanged"):
+    """There is newer guidance: GET /api/v1/sessions/{session}/guidance."""
+
+    revision: int
+
+
 class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
@@ -538,5 +630,5 @@ class SessionList(Struct, frozen=True, tag="SessionList"):
     """A sentence for each session that cannot be opened."""
 
 
-SessionEvent = SessionState | CaptureChanged | SessionChanged
+SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged
 ServerEvent = SessionList | SessionChanged

@@ -32,6 +32,8 @@ export interface CapturedView {
   readonly time_s: number;
   /** The photo is on the server's disk. */
   readonly onServer: boolean;
+  /** The program took it out of the data set, since others show the same. */
+  readonly setAside: boolean;
 }
 
 export interface CaptureState {
@@ -44,6 +46,8 @@ export interface CaptureState {
   /** Why nothing is sent. */
   readonly trouble: string | null;
   readonly summary: SessionSummary | null;
+  /** Counts the news of guidance, and the times it may have been missed. */
+  readonly guidanceNews: number;
 }
 
 export type CaptureAction = SessionEvent
@@ -61,6 +65,7 @@ export const NOTHING_KNOWN: CaptureState = {
   connection: 'connecting',
   trouble: null,
   summary: null,
+  guidanceNews: 0,
 };
 
 export function reduce(state: CaptureState, action: CaptureAction): CaptureState {
@@ -69,12 +74,14 @@ export function reduce(state: CaptureState, action: CaptureAction): CaptureState
       ...state,
       remotes: byId(action.session.captures),
       summary: action.session.summary,
+      guidanceNews: state.guidanceNews + 1,
     };
     case 'CaptureChanged': return {
       ...state,
       remotes: new Map(state.remotes).set(action.capture.id, action.capture),
     };
     case 'SessionChanged': return { ...state, summary: action.summary };
+    case 'GuidanceChanged': return { ...state, guidanceNews: state.guidanceNews + 1 };
     case 'LocalsRead': return { ...state, locals: byId(action.locals) };
     case 'Answered': return answered(state, action.capture);
     case 'Erased': return { ...state, locals: new Map(), remotes: new Map() };
@@ -132,6 +139,7 @@ function listOf(
       camera,
       time_s,
       onServer: remote !== undefined || local?.state === 'stored',
+      setAside: remote?.ending === 'set_aside',
     });
   }
   return views.sort((a, b) => a.time_s - b.time_s || (a.id < b.id ? -1 : 1));

@@ -48,16 +48,16 @@ const SIGN = `<svg viewBox="0 0 ${DEPTH_PX} ${LENGTH_PX}" width="${DEPTH_PX}" he
   + `<path d="M8 7L26 ${LENGTH_PX / 2}L8 ${LENGTH_PX - 7}"/></svg>`;
 
 export class EdgeArrow {
-  readonly #element = make('div', {
-    className: 'edge-arrow', hidden: true, role: 'img', innerHTML: SIGN,
-    ariaLabel: 'The largest wrong area lies in this direction',
-  });
+  readonly #element: HTMLElement;
   #width_px = 0;
   #height_px = 0;
   #x_px = NaN;
   #y_px = NaN;
 
-  constructor(root: HTMLElement) {
+  constructor(root: HTMLElement, ariaLabel: string, kind = '') {
+    this.#element = make('div', {
+      className: `edge-arrow ${kind}`.trim(), hidden: true, role: 'img', innerHTML: SIGN, ariaLabel,
+    });
     root.append(this.#element);
     new ResizeObserver(() => {
       this.#width_px = root.clientWidth;

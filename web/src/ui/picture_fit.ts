@@ -43,6 +43,21 @@ export function placeInPicture(
   return at.every((share) => share >= 0 && share <= 1) ? at : null;
 }
 
+/**
+ * Where a place of a picture lies in its box, in pixels from the box's top left corner.
+ *
+ * @param x In shares of the picture, as `y`.
+ * @param out Written to, and returned.
+ */
+export function placeInBox(
+  picture: Size, box: Size, fit: Fit, x: number, y: number, out: [number, number],
+): [number, number] {
+  const scale = isEmpty(picture) || isEmpty(box) ? NaN : scaleOf(picture, box, fit);
+  out[0] = 0.5 * box.width + (x - 0.5) * scale * picture.width;
+  out[1] = 0.5 * box.height + (y - 0.5) * scale * picture.height;
+  return out;
+}
+
 /** The picture on the page. */
 export class PictureOnPage {
   #box: Size = { width: 0, height: 0 };
@@ -72,6 +87,16 @@ export class PictureOnPage {
     if (this.canvas === null) return [clientX / window.innerWidth, clientY / window.innerHeight];
     const { left, top } = this.canvas.getBoundingClientRect();
     return placeInPicture(this.#picture, this.#box, this.#fit, clientX - left, clientY - top);
+  }
+
+  /** Where a place of the picture lies on the page's overlay, in pixels. @param out As above. */
+  placeOnOverlay(x: number, y: number, out: [number, number]): [number, number] {
+    if (this.canvas === null) {
+      out[0] = x * window.innerWidth;
+      out[1] = y * window.innerHeight;
+      return out;
+    }
+    return placeInBox(this.#picture, this.#box, this.#fit, x, y, out);
   }
 
   #measure(canvas: HTMLCanvasElement): void {
