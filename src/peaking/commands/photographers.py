@@ -46,15 +46,17 @@ class Photographers:
         "hall",
     )
     """Scenes; desk and still-life are for tuning, room and hall for reporting."""
-    guides: tuple[Literal["interval", "llff", "threshold", "red", "auto"], ...] = (
+    guides: tuple[Literal["interval", "llff", "threshold", "red", "auto", "next"], ...] = (
         "interval",
         "llff",
         "threshold",
         "red",
         "auto",
+        "next",
     )
     """An interval shutter and no guide; LLFF's grids; the paper's red, pressed at 4.28 %; our red
-    by hand; our red with the automatic shutter. All are compared with `auto`, or with the first."""
+    by hand; our red with the automatic shutter; the same with a frame to step into next. All are
+    compared with `auto`, or with the first."""
     photos: tuple[int, ...] = (8, 16, 32)
     """Limits of photos."""
     seconds: float = 60.0

@@ -18,6 +18,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "threshold": (150, 90, 190),
     "red": (225, 120, 0),
     "auto": (10, 95, 200),
+    "next": (190, 30, 90),
 }
 PX_PER_M = 200.0
 AROUND_M = 0.6
