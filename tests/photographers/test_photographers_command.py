@@ -9,6 +9,7 @@ import pytest
 
 from peaking.cli import main
 from peaking.commands.photographers import Photographers
+from peaking.datasets import open_recording
 from peaking.experiments.executors import Executor, InProcess
 from peaking.experiments.plan import EvaluationStep
 from peaking.experiments.steps import Found
@@ -94,6 +95,7 @@ def test_wrong_arguments_are_explained(tmp_path: Path, capsys: pytest.CaptureFix
     for words, said in (
         (["--json", str(tmp_path / "a.json"), "--photos", "0"], "--photos >= 1"),
         (["--json", str(tmp_path / "a")], "need --out"),
+        ([], "need --json"),
     ):
         with pytest.raises(SystemExit) as ended:
             main(["photographers", *words])
@@ -109,3 +111,15 @@ def test_a_folder_of_something_else_is_refused(
     with pytest.raises(SystemExit):
         main(["photographers", "--json", str(tmp_path / "out.json")])
     assert "holds thesis.tex" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("drawn")
+def test_walks_can_be_evaluated(tmp_path: Path) -> None:
+    words = ["--walks", str(tmp_path / "walks"), "--scenes", "desk", "--photographers", "2"]
+    main(["photographers", *words, "--seconds", "2"])
+    names = sorted(path.name for path in (tmp_path / "walks").iterdir())
+    assert names == ["desk-walk-0", "desk-walk-1"]
+    recording = open_recording(tmp_path / "walks" / "desk-walk-0")
+    assert len(recording) == 10
+    assert all(recording.has_depth)
+    assert list(recording.timestamps_s[:2]) == [0.0, 0.2]
