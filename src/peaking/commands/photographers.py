@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from peaking.experiments.plan import EvaluationStep
     from peaking.experiments.steps import Found
     from peaking.photographers.plan import PhotographersPlan
+    from peaking.photographers.tasks import SceneName
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,8 @@ class Photographers:
 
         from peaking.photographers.recording import record_walk
 
-        walks = [(scene, k) for scene in plan.scenes for k in range(plan.photographers)]
+        numbers = range(plan.photographers)
+        walks: list[tuple[SceneName, int]] = [(s, k) for s in plan.scenes for k in numbers]
         for scene, photographer in tqdm(walks, desc="filming", unit="walk"):
             recording = record_walk(scene, photographer, seconds=plan.seconds)
             recording.write_subset(range(len(recording)), folder / recording.name)
