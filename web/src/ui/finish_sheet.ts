@@ -8,7 +8,10 @@ import { drawQuality } from './quality_curve';
 import { sheet, type Sheet, type SheetActions, type SheetState } from './sheets';
 import { viewsText } from './words';
 
-const BUSY_AGAIN_MS = 2000;
+const AGAIN_MS = 2000;
+const BUSY = 503;
+/** The network may come back, and what takes the server long is there when it is asked again. */
+const NO_ANSWER = 0;
 /** A smaller difference of predicted quality is none. */
 const SAME_DB = 0.05;
 
@@ -119,14 +122,17 @@ class FinishSheet implements Sheet {
         const selection = await this.actions.selection(signal);
         if (signal.aborted) return;
         this.#selection = selection;
+        this.#unsaid = '';
         return this.#show();
       } catch (error) {
         if (signal.aborted) return;
-        if (!(error instanceof ApiError) || error.status !== 503) {
+        const status = error instanceof ApiError ? error.status : null;
+        if (status !== BUSY) {
           this.#unsaid = `Which views are enough cannot be said now: ${sentenceOf(error)}`;
-          return this.#show();
+          this.#show();
         }
-        await new Promise((resolve) => setTimeout(resolve, BUSY_AGAIN_MS));
+        if (status !== BUSY && status !== NO_ANSWER) return;
+        await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
       }
     }
   }
