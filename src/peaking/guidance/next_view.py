@@ -36,14 +36,19 @@ class Suggestion:
     """A pose to take a view from.
 
     Attributes:
-        camera: It.
+        virtual: It.
         foresight: What is foreseen there.
         gain: What ranks it.
     """
 
-    camera: Camera
+    virtual: VirtualCamera
     foresight: Foresight
     gain: float
+
+    @property
+    def camera(self) -> Camera:
+        """Where to take it from."""
+        return self.virtual.camera
 
     @property
     def reason(self) -> str:
@@ -89,7 +94,7 @@ def suggestions(
         if here is not None:
             walk_m = float(np.linalg.norm(here.position_m - pose.camera.position_m))
             gain /= 1 + walk_m / (FAR_STEPS * step_m)
-        found.append(Suggestion(pose.camera, foresight, gain))
+        found.append(Suggestion(pose, foresight, gain))
     return sorted(found, key=lambda suggestion: -suggestion.gain)
 
 

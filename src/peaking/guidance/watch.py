@@ -116,6 +116,8 @@ class Watch:
         cameras = [mpi.camera.resized(*size_px) for mpi in mpis]
         surface_m = self._memory.surface_m(CLEARANCE * step_m)
         around = poses_around(cameras, path, surface_m, step_m)
+        if self._next is not None:  # also where it is no longer among them
+            around = [self._next.virtual, *around]
         foreseen = [self._foresee(views, virtual.camera, pause) for virtual in around]
         scored = [
             self._foresee(views, Camera(cameras[0].pinhole, pose), pause) for pose in _walked(path)

@@ -34,7 +34,7 @@ export class Ghost {
     for (const path of this.#paths) path.setAttribute('mask', 'url(#ghost-free)');
     this.#svg.append(...this.#paths);
     this.#element.append(this.#svg);
-    root.append(this.#element);
+    root.prepend(this.#element); // under the controls
     this.#arrow = new EdgeArrow(root, 'The next view lies in this direction', 'next');
     new ResizeObserver(() => {
       const { clientWidth, clientHeight } = root;
