@@ -15,13 +15,24 @@ ENOUGH = 0.95
 """Score from which a capture is enough."""
 
 
-def score(foreseen: Sequence[Foresight]) -> float:
+BESIDE = 12
+"""All that is beside the walk counts as much as so many places of it: who has hardly moved yet has
+not seen a place."""
+
+
+def score(walked: Sequence[Foresight], beside: Sequence[Foresight] = ()) -> float:
     """Return how complete a capture is, 0…1: the mean of `Foresight.complete`.
 
     Args:
-        foreseen: Pictures from where the photographer was, evenly in time.
+        walked: Pictures from where the photographer was, evenly in time.
+        beside: A step from there.
     """
-    return float(np.mean([each.complete for each in foreseen])) if foreseen else 0.0
+    values = [each.complete for each in walked]
+    weights = [1.0] * len(walked)
+    if beside:
+        values.append(float(np.mean([each.complete for each in beside])))
+        weights.append(float(BESIDE))
+    return float(np.average(values, weights=weights)) if values else 0.0
 
 
 def verdict(score: float, *, helps: bool) -> Verdict:

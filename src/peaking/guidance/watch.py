@@ -116,20 +116,23 @@ class Watch:
         cameras = [mpi.camera.resized(*size_px) for mpi in mpis]
         surface_m = self._memory.surface_m(CLEARANCE * step_m)
         around = poses_around(cameras, path, surface_m, step_m)
-        if self._next is not None:  # also where it is no longer among them
-            around = [self._next.virtual, *around]
         foreseen = [self._foresee(views, virtual.camera, pause) for virtual in around]
-        scored = [
-            self._foresee(views, Camera(cameras[0].pinhole, pose), pause) for pose in _walked(path)
-        ] or [
+        walked = [
+            self._foresee(views, Camera(cameras[0].pinhole, pose), pause)
+            for pose in _walked(path) or [camera.world_from_cam for camera in cameras]
+        ]
+        beside = [
             foresight
             for virtual, foresight in zip(around, foreseen, strict=True)
-            if not virtual.turned
+            if not (virtual.turned or virtual.walked)
         ]
+        if self._next is not None:  # it may be no longer among them
+            around = [self._next.virtual, *around]
+            foreseen = [self._foresee(views, self._next.camera, pause), *foreseen]
         here = Camera(cameras[0].pinhole, path[-1]) if path else cameras[-1]
         found = suggestions(around, foreseen, step_m=step_m, here=here)
         self._next = keep_or_change(self._next, found)
-        total = score(scored)
+        total = score(walked, beside)
         return Advice(
             views=len(mpis),
             score=total,
