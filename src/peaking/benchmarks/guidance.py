@@ -32,7 +32,9 @@ MIN_SET = 4
 CLUSTERED = (1.2, 4.0)
 """A part of the walk that is drawn from has so many times the frames of the set."""
 
-MAX_TESTED = 40
+MAX_FRAMES = 120
+"""Of a longer recording, evenly chosen frames are looked at."""
+
 MAX_PSNR_DB = 99.0
 
 
@@ -72,7 +74,8 @@ def measure_scenes(
     for scene in scenes:
         recording = open_recording(scene)
         frames = RecordedFrames(recording, small, max_mpis=400)
-        parts = split(frames, frames.with_depth, "holdout", MIN_SET)
+        every = -(-len(frames.with_depth) // MAX_FRAMES)
+        parts = split(frames, frames.with_depth[::every], "holdout", MIN_SET)
         rng = np.random.default_rng(seed)
         sets = view_sets(frames, parts, rng)
         rows: list[dict[str, Any]] = []
@@ -107,19 +110,16 @@ def correlations(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the rank correlations of score and quality of the sets of a scene."""
     counts = sorted({row["count"] for row in rows})
     quality = np.array([row["psnr_db"] for row in rows])
-    found: dict[str, Any] = {}
-    for name in ("score", "score_without_walk"):
-        score = np.array([row[name] for row in rows])
-        equal = {
-            count: spearman(*(x[[row["count"] == count for row in rows]] for x in (score, quality)))
-            for count in counts
-        }
-        found[f"spearman_{name}"] = {
-            "all": spearman(score, quality),
-            "equal_count": float(np.mean(list(equal.values()))),
-            "by_count": equal,
-        }
-    return found
+    score = np.array([row["score"] for row in rows])
+    equal = {
+        count: spearman(*(x[[row["count"] == count for row in rows]] for x in (score, quality)))
+        for count in counts
+    }
+    return {
+        "spearman_all": spearman(score, quality),
+        "spearman_equal_count": float(np.mean(list(equal.values()))),
+        "spearman_by_count": equal,
+    }
 
 
 def spearman(a: Float64[np.ndarray, "n"], b: Float64[np.ndarray, "n"]) -> float:
@@ -146,7 +146,6 @@ def _measured(frames: RecordedFrames, parts: Split, one: ViewSet) -> dict[str, A
         "kind": one.kind,
         "count": len(one.views),
         "score": score,
-        "score_without_walk": Watch(frames.options).advise(mpis).score,
         "psnr_db": _quality_db(frames, parts, one),
         "from_scratch_s": took_s,
     }
@@ -154,9 +153,8 @@ def _measured(frames: RecordedFrames, parts: Split, one: ViewSet) -> dict[str, A
 
 def _quality_db(frames: RecordedFrames, parts: Split, one: ViewSet) -> float:
     """Return the mean PSNR of frames held out."""
-    every = -(-len(parts.test) // MAX_TESTED)
     found: list[float] = []
-    for number in parts.test[::every]:
+    for number in parts.test:
         frame = frames.frame(number)
         shown = np.clip(frames.render(one.views, frame.camera).rgba[..., :3], 0.0, 1.0)
         photo = frame.rgb.astype(np.float32) / np.float32(255.0)

@@ -52,16 +52,11 @@ class BenchGuidance:
 
 def table(document: Mapping[str, Any]) -> str:
     """Return the results as a markdown table."""
-    lines = [
-        "| scene | sets | all | equal number | by number | without the walk: all | equal number |",
-        "|---|---:|---:|---:|---|---:|---:|",
-    ]
+    lines = ["| scene | sets | all | equal number | by number |", "|---|---:|---:|---:|---|"]
     for scene in document["scenes"]:
-        walked, alone = scene["spearman_score"], scene["spearman_score_without_walk"]
-        by_count = ", ".join(f"{count}: {value:.2f}" for count, value in walked["by_count"].items())
+        by_count = ", ".join(f"{n}: {value:.2f}" for n, value in scene["spearman_by_count"].items())
         lines.append(
-            f"| {scene['scene']} | {len(scene['sets'])} | {walked['all']:.2f} "
-            f"| {walked['equal_count']:.2f} | {by_count} | {alone['all']:.2f} "
-            f"| {alone['equal_count']:.2f} |"
+            f"| {scene['scene']} | {len(scene['sets'])} | {scene['spearman_all']:.2f} "
+            f"| {scene['spearman_equal_count']:.2f} | {by_count} |"
         )
     return "\n".join(lines)

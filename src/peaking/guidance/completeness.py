@@ -11,7 +11,7 @@ from peaking.guidance.foresight import Foresight
 
 Verdict = Literal["go on", "enough", "no more help"]
 
-ENOUGH = 0.95
+ENOUGH = 0.93
 """Score from which a capture is enough."""
 
 
