@@ -10,7 +10,7 @@ same depth and labels, and pictures the same but for rounding (mostly none, at w
 in single pixels). What it needs:
 
     apt-get install libllvm19        # LLVM 14 to 16 do not work
-    pip install mitsuba==3.9.1 mitsuba-oidn==0.1.2 numpy opencv-python-headless==5.0.0.93
+    pip install mitsuba==3.9.1 mitsuba-oidn==0.1.2 opencv-python-headless==5.0.0.93 -e .
 
     python scripts/make_desk_scene.py --out build/desk    # then put it in place of scenes/desk
     python scripts/make_desk_scene.py --recording around --out build/desk_around
@@ -19,22 +19,13 @@ in single pixels). What it needs:
 `transforms.json` is written in any case and always lists every frame.
 """
 
-from drawn_scenes import desk, desk_paths, desk_room
+from drawn_scenes import desk_paths
 from drawn_scenes.duck import DUCK, duck
 from drawn_scenes.recording import Files, make_recording, parser
 from drawn_scenes.rendering import DrawnScene, build_model
+from peaking.photographers.drawn import desk_room
+from peaking.photographers.drawn.desk_scene import PARTS
 
-PARTS = (
-    desk_room.room,
-    desk_room.bookshelf,
-    desk_room.far_furniture,
-    desk.desk,
-    desk.near_plant,
-    desk.computer,
-    desk.papers,
-    desk.small_things,
-    desk.mirror_and_glass,
-)
 VIDEO = Files(quality=80)
 PHOTOGRAPHS = Files(quality=73, exact_size_px=(147, 320), marks_overexposed=True)
 

@@ -5,24 +5,12 @@ What it needs, `--only` and `--seed` are described in `make_desk_scene.py`.
     python scripts/make_room_scene.py --out build/room    # then put it in place of scenes/room
 """
 
-from drawn_scenes import furniture, living_room, room_paths
+from drawn_scenes import room_paths
 from drawn_scenes.recording import Files, make_recording, parser
 from drawn_scenes.rendering import DrawnScene, build_model
+from peaking.photographers.drawn import furniture, living_room
+from peaking.photographers.drawn.room_scene import PARTS
 
-PARTS = (
-    living_room.shell,
-    living_room.window,
-    living_room.pictures,
-    living_room.wall_mirror,
-    furniture.black_bookshelf,
-    furniture.television,
-    furniture.sofa,
-    furniture.sideboard,
-    furniture.round_table,
-    furniture.armchair,
-    furniture.lantern_and_plants,
-    furniture.beach_ball,
-)
 PHOTOGRAPHS = Files(quality=73, exact_size_px=(147, 320), marks_overexposed=True)
 
 

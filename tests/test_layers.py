@@ -52,6 +52,7 @@ ORDER = [
     "best_frames",
     "splat",
     "experiments",
+    "photographers",
     "study",
     "server",
     "benchmarks",

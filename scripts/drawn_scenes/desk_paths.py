@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from drawn_scenes.desk_room import DESK_TOP_M
-from drawn_scenes.mesh import Pose
 from drawn_scenes.paths import ABOVE, BEHIND, BESIDE, BETWEEN, by_hand, held_out_place, looking
-from drawn_scenes.phone import tremor
 from drawn_scenes.recording import Shot
+from peaking.photographers.drawn.desk_room import DESK_TOP_M
+from peaking.photographers.drawn.mesh import Pose
+from peaking.photographers.drawn.phone import tremor
 
 FRAMES_PER_S = 15.0
 COLUMNS, ROWS = 8, 5

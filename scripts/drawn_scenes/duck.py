@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from drawn_scenes import surfaces
-from drawn_scenes.mesh import MeshParts, Pose
-from drawn_scenes.parts import ball, satin, shape
+from peaking.photographers.drawn import surfaces
+from peaking.photographers.drawn.mesh import MeshParts, Pose
+from peaking.photographers.drawn.parts import ball, satin, shape
 
 DUCK = ("duck_body", "duck_bill")
 

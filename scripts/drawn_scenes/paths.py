@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from drawn_scenes.phone import tremor
+from peaking.photographers.drawn.phone import tremor
 
 BETWEEN, BESIDE, ABOVE, BEHIND = "between", "beside", "above", "behind"
 BEHIND_M = 0.6

@@ -11,8 +11,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drawn_scenes.mesh import Pose
-from drawn_scenes.phone import DEPTH_SIZE_PX, phone_depth_mm, scale_errors
 from drawn_scenes.rendering import (
     FOCAL_PX,
     GLASS_LIKE,
@@ -29,6 +27,8 @@ from drawn_scenes.rendering import (
     phone_camera,
     render_linear,
 )
+from peaking.photographers.drawn.mesh import Pose
+from peaking.photographers.drawn.phone import DEPTH_SIZE_PX, phone_depth_mm, scale_errors
 
 FOLDERS = ("images", "depths", "depths_exact", "materials")
 CLIPPED_FROM = 250

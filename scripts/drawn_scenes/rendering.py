@@ -11,7 +11,8 @@ import mitsuba as mi
 import mitsuba_oidn
 import numpy as np
 
-from drawn_scenes.mesh import Pose
+from peaking.photographers.drawn.mesh import Pose
+from peaking.photographers.drawn.parts import Part
 
 WIDTH_PX, HEIGHT_PX = 294, 639
 FOV_X_DEG = 45.93
@@ -49,12 +50,47 @@ class FirstHit:
 
 def build_model(lights: dict[str, Any], makers: Sequence[Maker], seed: int) -> mi.Scene:
     """The whole model; every part has its own generator, so that one can change alone."""
-    model: dict[str, Any] = {"type": "scene"} | lights
+    model: dict[str, Any] = {"type": "scene"} | _as_mitsuba(lights)
     for k, make in enumerate(makers):
-        model |= make(np.random.default_rng((seed, k)))
+        model |= _as_mitsuba(make(np.random.default_rng((seed, k))))
     # The order of the lights decides the noise: optimize=True leaves it to chance, and the shipped
     # pictures were rendered with the last light first.
     return mi.load_dict(dict(reversed(model.items())), parallel=False, optimize=False)
+
+
+def _as_mitsuba(value: Any) -> Any:
+    """Plain data of a scene with Mitsuba's own types in it."""
+    if isinstance(value, Part):
+        return _mesh(value)
+    if not isinstance(value, dict):
+        return value
+    made = {key: _as_mitsuba(inner) for key, inner in value.items()}
+    if "bitmap" in made:
+        made["bitmap"] = mi.Bitmap(made["bitmap"])
+    if "to_world" in made:
+        made["to_world"] = mi.ScalarTransform4f(made["to_world"])
+    return made
+
+
+def _mesh(part: Part) -> mi.Mesh:
+    properties = mi.Properties()
+    properties["mesh_bsdf"] = mi.load_dict(_as_mitsuba(part.bsdf))
+    mesh = mi.Mesh(
+        part.name,
+        len(part.points_m),
+        len(part.faces),
+        has_vertex_normals=part.normals is not None,
+        has_vertex_texcoords=True,
+        props=properties,
+    )
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = part.points_m.astype(np.float32).ravel()
+    params["vertex_texcoords"] = part.uvs.astype(np.float32).ravel()
+    params["faces"] = part.faces.astype(np.uint32).ravel()
+    if part.normals is not None:
+        params["vertex_normals"] = part.normals.astype(np.float32).ravel()
+    params.update()
+    return mesh
 
 
 class MovingParts:

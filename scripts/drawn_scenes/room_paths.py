@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from drawn_scenes.furniture import BALL_RADIUS_M, TABLE_AT_M, TABLE_TOP_M
-from drawn_scenes.mesh import Pose
 from drawn_scenes.paths import ABOVE, BEHIND, BESIDE, BETWEEN, by_hand, held_out_place
 from drawn_scenes.recording import Shot
+from peaking.photographers.drawn.furniture import BALL_RADIUS_M, TABLE_AT_M, TABLE_TOP_M
+from peaking.photographers.drawn.mesh import Pose
 
 VIEWS = 45
 HELD_OUT = {BETWEEN: 8, BESIDE: 8, ABOVE: 7, BEHIND: 7}

@@ -23,6 +23,7 @@ from peaking.commands import (
     devices,
     evaluate,
     generate,
+    photographers,
     plan,
     quality,
     render,
@@ -51,6 +52,7 @@ Examples:
   peaking splat scenes/desk --out desk.ply
   peaking plan --z-min-m 0.5 --area-m 0.15
   peaking evaluate scenes/desk --out out/evaluation
+  peaking photographers --json photographers.json
   peaking quality scenes/desk
   peaking checkpoints
   peaking bench --json bench.json
@@ -83,6 +85,7 @@ COMMANDS: dict[str, type[Command]] = {
     "render": render.Render,
     "splat": splat.Splat,
     "evaluate": evaluate.Evaluate,
+    "photographers": photographers.Photographers,
     "quality": quality.Quality,
     "checkpoints": checkpoints.Checkpoints,
     "bench": bench.Bench,

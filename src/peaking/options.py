@@ -29,6 +29,7 @@ Device = Literal["auto", "cpu", "cuda"]
 Precision = Literal["float32", "bfloat16", "float16"]
 PolicyName = Literal[
     "peaking",
+    "auto-shutter",
     "threshold",
     "uniform",
     "every-nth",

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from peaking.best_frames import BestFrames, FrameChoice, choose_best
+from peaking.best_frames import BestFrames, choose_best
+from peaking.best_frames.choosing import FrameChoice
 from peaking.cli import main
 from peaking.datasets import Recording, open_recording
 from peaking.datasets.depth_unit import typical_distance

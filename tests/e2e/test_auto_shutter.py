@@ -63,3 +63,38 @@ def test_it_takes_no_views_of_a_finished_session(
     phone.wait_for(lambda: says(phone) == "Auto: waits")
     phone.let_pass(60)
     assert len(phone.views()) == taken
+
+
+def test_pictures_in_the_dark_are_said_and_not_taken(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    page = context.new_page()
+    phone = VirtualPhonePage(page, server.address, query="source=virtual&auto=on")
+    phone.hold(moved())
+    phone.shoot_and_wait()
+    phone.wait_for(lambda: is_calm(phone))
+    taken = len(phone.views())
+    notice = page.locator(".notice:not(.toast)")
+    assert notice.is_hidden()
+
+    page.evaluate("window.peaking.phone.setLight(0.04)")
+    phone.hold(moved(FAR_M))
+    phone.wait_for(lambda: says(phone) == "Auto: too dark")
+    phone.wait_for(lambda: notice.is_visible() and notice.inner_text().startswith("Too dark"))
+    phone.let_pass(30)
+    assert len(phone.views()) == taken
+
+    # Who presses gets the picture, and hears what is wrong with it.
+    phone.shoot()
+    take_back = page.get_by_role("button", name="Take it back")
+    take_back.wait_for()
+    phone.keep_picture("too-dark")
+    take_back.click()
+    phone.wait_for(lambda: len(phone.views()) == taken)
+    assert page.locator(".toast").is_hidden()
+
+    page.evaluate("window.peaking.phone.setLight(1)")
+    phone.let_pass(2)
+    phone.wait_for(lambda: len(phone.views()) > taken)
+    phone.wait_for(lambda: notice.is_hidden())
+    assert phone.problems == []

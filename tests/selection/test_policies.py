@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,9 +19,10 @@ from peaking.mpi import Mpi
 from peaking.options import DEFAULT, PolicyName
 from peaking.output import encode_png
 from peaking.selection import backward_elimination
+from peaking.selection.auto_shutter import WORTH_SHARE, AutoShutter
 from peaking.selection.backward_elimination import HELD_PER_VIEW, BackwardElimination
 from peaking.selection.coverage import cover
-from peaking.selection.policy import Candidate, CandidatePath, Policy, walk
+from peaking.selection.policy import Candidate, CandidatePath, Decision, Policy, walk
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.selection.registry import (
     POLICIES,
@@ -149,6 +151,7 @@ def test_every_policy_gives_as_many_as_asked(
 
 ONLINE: dict[PolicyName, SelectionOptions] = {
     "peaking": SelectionOptions("peaking", num_views=3),
+    "auto-shutter": SelectionOptions("auto-shutter", num_views=3),
     "threshold": SelectionOptions("threshold", threshold_share=0.05),
     "plenoptic": SelectionOptions("plenoptic", spacing_m=0.1),
 }
@@ -200,7 +203,12 @@ def test_those_that_need_the_whole_path_say_so() -> None:
             create_policy(SelectionOptions(name, num_views=3))
 
 
-@pytest.mark.parametrize("name", ["peaking", "uniform", "plenoptic"])
+def test_ours_needs_no_number_of_views(frames: RecordedFrames) -> None:
+    chosen = select_from(whole(frames), SelectionOptions("peaking"), SMALL)
+    assert 1 <= len(chosen) < NUM_FRAMES
+
+
+@pytest.mark.parametrize("name", ["random", "uniform", "plenoptic"])
 def test_without_a_number_of_views_it_is_said(name: PolicyName) -> None:
     with pytest.raises(ValueError, match=f"need a number of views.*{name}"):
         create_policy(SelectionOptions(name))
@@ -229,6 +237,33 @@ def test_a_lower_threshold_takes_more(frames: RecordedFrames) -> None:
     more = taken_at(whole(frames).candidates, 0.02).views
     assert few[0] == more[0] == 0
     assert len(few) < len(more)
+
+
+# Automatic shutter
+
+
+def test_it_holds_only_what_was_worth_a_picture(frames: RecordedFrames) -> None:
+    policy = AutoShutter(2, SMALL, worth_share=0.05)
+    calm = 0
+    for candidate in whole(frames).candidates:
+        before = tuple(policy.views)
+        share = candidate.peaked_share(before) if before else 1.0
+        decision = policy.observe(candidate)
+        if share <= 0.05:
+            calm += 1
+            assert decision == Decision(False, f"{share:.2%} red: nothing new")
+            assert tuple(policy.views) == before
+    assert 0 < calm < len(frames.recording) - 2, calm
+    policy.finish()
+    assert len(policy.views) == 2
+    assert set(policy.worth) == set(policy.views)
+
+
+def test_the_page_takes_pictures_at_the_same_share() -> None:
+    page = (Path(__file__).parents[2] / "web/src/capture/auto_shutter.ts").read_text()
+    found = re.search(r"WORTH_SHARE = ([\d.]+) / (\d+);", page)
+    assert found is not None
+    assert float(found[1]) / int(found[2]) == WORTH_SHARE
 
 
 # Backward elimination

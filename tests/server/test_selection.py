@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import zipfile
 from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from capture_uploads import SESSION_ID, capture_id, new_session, upload
+from capture_uploads import (
+    HEIGHT,
+    SESSION_ID,
+    WIDTH,
+    body_of,
+    capture_id,
+    depth_mm,
+    header,
+    new_session,
+    upload,
+    upload_without_depth,
+)
+from peaking.best_frames.files import COLUMNS
+from peaking.datasets import open_recording
 from peaking.options import DEFAULT, POLICY_NAMES
+from peaking.output import encode_jpeg
 from peaking.selection.registry import POLICIES
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
@@ -27,17 +48,31 @@ ASKED = {
 """What policies go by that are not asked for a number of views here."""
 
 
-@pytest.fixture(scope="module")
-def client(tmp_path_factory: pytest.TempPathFactory) -> Generator[TestClient]:
-    root: Path = tmp_path_factory.mktemp("selection")
+@contextmanager
+def started(root: Path) -> Generator[TestClient]:
+    """Start a server whose MPIs are small, with a session."""
     options = replace(DEFAULT, pixels=4096, num_planes=8)
     config = ServerOptions(devices=None, client_dir=root, options=options)
     app = create_app(store=SessionStore(root / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         client.put(SESSION, json=new_session())
+        yield client
+
+
+def send(client: TestClient, number: int, *, photo: bytes | None = None) -> None:
+    """Send a capture, and wait for its MPI."""
+    body = upload(number)
+    if photo is not None:
+        body = body_of(header(number, photo_bytes=len(photo)), photo + depth_mm(number).tobytes())
+    client.put(f"{SESSION}/captures/{capture_id(number)}", content=body)
+    wait_for(client, number, lambda c: c["state"] == "ready")
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Generator[TestClient]:
+    with started(tmp_path_factory.mktemp("selection")) as client:
         for n in range(1, CAPTURES + 1):
-            client.put(f"{SESSION}/captures/{capture_id(n)}", content=upload(n))
-            wait_for(client, n, lambda c: c["state"] == "ready")
+            send(client, n)
         yield client
 
 
@@ -69,6 +104,107 @@ def test_an_undone_capture_is_no_candidate(client: TestClient) -> None:
     client.put(removed, content=upload(CAPTURES + 1))
     client.delete(removed)
     assert len(chosen(client, policy="all")["captures"]) == CAPTURES
+
+
+def test_ours_says_how_many_are_enough_and_what_is_wrong_with_each(client: TestClient) -> None:
+    found = chosen(client)
+    assert found["enough"] == sum(capture["kept"] for capture in found["captures"]) >= 1
+    numbers = [point["num_views"] for point in found["curve"]]
+    assert numbers == list(range(1, CAPTURES + 1))
+    assert all(
+        capture["sharpness"] > 0 and capture["brightness"] > 0 for capture in found["captures"]
+    )
+    assert all(capture["faults"] == [] for capture in found["captures"])
+    assert "enough" not in chosen(client, views="2") or chosen(client, views="2")["enough"] is None
+
+
+def test_a_dark_and_a_blurred_capture_are_told(tmp_path: Path) -> None:
+    with started(tmp_path) as client:
+        for n in range(1, 9):
+            rgb = np.random.default_rng(n).integers(60, 200, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+            rgb = (rgb // 2).astype(np.uint8) if n == 3 else rgb
+            rgb = np.asarray(cv2.blur(rgb, (7, 7)), np.uint8) if n == 6 else rgb
+            send(client, n, photo=encode_jpeg(rgb, quality=95))
+        faults = {c["number"]: c["faults"] for c in chosen(client)["captures"] if c["faults"]}
+        assert faults == {3: ["darker"], 6: ["blurred"]}
+
+
+def test_asking_twice_computes_once(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = chosen(client, views="3")
+
+    def computed_again(*_: object) -> None:
+        raise AssertionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("peaking.server.selection.select_captures", computed_again)
+        assert chosen(client, views="3") == first
+        with pytest.raises(AssertionError):
+            client.get(f"{SESSION}/selection", params={"views": "4"})
+
+
+def test_when_a_capture_changes_it_is_computed_again(tmp_path: Path) -> None:
+    with started(tmp_path) as client:
+        for n in (1, 2, 3):
+            send(client, n)
+        assert len(chosen(client)["captures"]) == 3
+        client.delete(f"{SESSION}/captures/{capture_id(2)}")
+        assert [c["number"] for c in chosen(client)["captures"]] == [1, 3]
+        client.delete(SESSION)
+        assert client.get(f"{SESSION}/selection").status_code == 410
+
+
+# The data set of the best
+
+
+@pytest.mark.parametrize("views", ["2", "auto", "99"])
+def test_the_best_are_a_data_set(client: TestClient, tmp_path: Path, views: str) -> None:
+    found = chosen(client, **({} if views == "auto" else {"views": views}))
+    kept = [f"images/{c['number']:06d}.jpg" for c in found["captures"] if c["kept"]]
+    address = f"{SESSION}/dataset.zip?views={views}"
+    assert client.head(address).status_code == 200
+    answer = client.get(address)
+    assert answer.status_code == 200
+    assert "-best.zip" in answer.headers["Content-Disposition"]
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert archive.testzip() is None
+        archive.extractall(tmp_path)
+    recording = open_recording(tmp_path)
+    assert len(recording) == len(kept) == (2 if views == "2" else len(kept))
+    frames = json.loads((tmp_path / "transforms.json").read_text())["frames"]
+    assert [frame["file_path"] for frame in frames] == kept
+    assert len(list((tmp_path / "images").iterdir())) == len(kept)
+    assert all(recording.read(i).depth_m is not None for i in range(len(recording)))
+    rows = list(csv.DictReader((tmp_path / "selection.csv").read_text().splitlines()))
+    assert tuple(rows[0]) == COLUMNS
+    assert len(rows) == CAPTURES
+    assert [row["name"] for row in rows if row["kept"] == "1"] == kept
+    assert [row["reason"] for row in rows] == [c["reason"] for c in found["captures"]]
+
+
+def test_all_of_them_are_as_before(client: TestClient) -> None:
+    with zipfile.ZipFile(io.BytesIO(client.get(f"{SESSION}/dataset.zip").content)) as archive:
+        names = archive.namelist()
+    assert "selection.csv" not in names
+    assert sum(name.endswith(".jpg") for name in names) == CAPTURES
+
+
+@pytest.mark.parametrize("views", ["0", "best", "-1", "2.5", ""])
+def test_a_wrong_number_is_refused(client: TestClient, views: str) -> None:
+    answer = client.get(f"{SESSION}/dataset.zip", params={"views": views})
+    assert answer.status_code == 400
+    assert "views" in answer.json()["detail"]
+
+
+def test_without_depth_there_is_no_best(tmp_path: Path) -> None:
+    with started(tmp_path) as client:
+        client.put(f"{SESSION}/captures/{capture_id(1)}", content=upload_without_depth(1))
+        wait_for(client, 1, lambda c: c["state"] == "failed")
+        assert chosen(client) == {
+            "policy": "peaking", "captures": [], "curve": [], "enough": 0
+        }  # fmt: skip
+        answer = client.get(f"{SESSION}/dataset.zip?views=auto")
+        assert answer.status_code == 409
+        assert "Download all" in answer.json()["detail"]
 
 
 @pytest.mark.parametrize(

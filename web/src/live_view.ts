@@ -5,6 +5,8 @@
 
 import type { CaptureSession, CapturedView } from './capture/capture_session';
 import { PhotoReader } from './capture/photo';
+import type { PictureFault } from './capture/picture_gate';
+import { PictureSampler } from './capture/picture_sampler';
 import { cameraOfWire, type Camera, type Vector3 } from './geometry';
 import { Memory } from './memory/memory';
 import { Motion } from './motion';
@@ -24,10 +26,22 @@ import type { Options } from './wire';
 /** Why the shutter does nothing now; null when it works. */
 export type Hindrance = 'server-not-ready' | 'no-picture' | 'tracking-lost' | 'no-depth' | 'too-fast' | 'busy' | null;
 
+/** What is asked of the shutter, and who hears of it. */
+export interface Shot {
+  /** Nobody pressed: a picture that is blurred or badly exposed is not kept. */
+  readonly automatic: boolean;
+  /** This device holds it for good. */
+  kept(captureId: string): void;
+  /** Something is wrong with the picture; `captureId` is null where it was therefore not kept. */
+  faulty(fault: PictureFault, captureId: string | null): void;
+}
+
 /** The object is used again at every frame. */
 export interface LiveState {
   readonly seen: Seen | null;
   readonly hindrance: Hindrance;
+  /** What is wrong with the live picture. */
+  readonly fault: PictureFault | null;
   readonly camera: Camera | null;
   /** How far the device's pose is off, as far as is known. */
   readonly tracking: TrackingState;
@@ -56,6 +70,8 @@ const DEPTH_PATIENCE_FRAMES = 15;
 const DEPTH_EVERY_FRAMES = 15;
 
 const MAX_RESIDENT = 12;
+/** A picture is kept if nothing is known to be wrong with it by then. */
+const JUDGED_WITHIN_MS = 2000;
 const NO_RESETS: WorldResets = { followed: 0, lost: 0 };
 
 export class LiveView implements Disposable {
@@ -73,11 +89,12 @@ export class LiveView implements Disposable {
   readonly #memory: Memory | null;
   readonly #decoder = new MpiDecoder();
   readonly #photos: PhotoReader;
+  readonly #sampler: PictureSampler;
   readonly #motion = new Motion();
   readonly #jumps = new JumpNotice();
   /** The version of each view's MPI that the store was told of. */
   readonly #known = new Map<string, number>();
-  #wanted: ((captureId: string) => void) | null = null;
+  #wanted: Shot | null = null;
   /** A photo is on its way to the session. */
   #busy = false;
   /** The card is giving its pixels. */
@@ -97,7 +114,7 @@ export class LiveView implements Disposable {
     this.#renderer = new ViewRenderer(gl, options);
     const tracker = new PoseTracker(gl);
     this.#tracker = tracker;
-    this.#state = { seen: null, hindrance: 'no-picture', camera: null, tracking: tracker.state, jumped: null, towards: null };
+    this.#state = { seen: null, hindrance: 'no-picture', fault: null, camera: null, tracking: tracker.state, jumped: null, towards: null };
     if (options.align_poses === true) {
       this.#renderer.onRendered = (number, near, camera, targets) => tracker.rendered(number, near, camera, targets);
     }
@@ -110,6 +127,7 @@ export class LiveView implements Disposable {
     this.#renderer.remembered = this.#memory?.tell ?? null;
     this.store.onResident((id) => this.timeline.mark(id, 'decoded', performance.now()));
     this.#photos = new PhotoReader(gl);
+    this.#sampler = new PictureSampler(gl);
     session.subscribe(() => this.#follow(session.views));
     this.#follow(session.views);
   }
@@ -159,9 +177,9 @@ export class LiveView implements Disposable {
     return this.look.overlay === 'mpi' ? null : this.#renderer.whyUnfixable(x, y);
   }
 
-  /** Ask for a photo: taken from the next frame. `taken` hears when this device holds it for good. */
-  shoot(taken: (captureId: string) => void): void {
-    if (this.#state.hindrance === null) this.#wanted = taken;
+  /** Ask for a photo: taken from the next frame. */
+  shoot(shot: Shot): void {
+    if (this.#state.hindrance === null) this.#wanted = shot;
   }
 
   /** Do no more than this from now on, or until the governor says otherwise. */
@@ -178,13 +196,14 @@ export class LiveView implements Disposable {
     if (this.governor?.frame(frame.time_ms) === true) this.allow(this.governor.allowance);
     this.#motion.update(frame.time_ms, frame.camera);
     this.#lookForDepth(frame);
-    const taken = this.#wanted;
-    if (taken !== null && frame.camera !== null && frame.image !== null) {
+    const shot = this.#wanted;
+    if (shot !== null && frame.camera !== null && frame.image !== null) {
       this.#wanted = null;
       this.#busy = true;
       this.#reading = true;
-      void this.#take(frame, taken);
+      void this.#take(frame, shot);
     }
+    this.#sampler.look(frame);
     const shown = this.#tracker.shown(frame);
     if (!this.#reading) this.#memory?.observe(shown);
     const seen = this.#reading
@@ -193,6 +212,7 @@ export class LiveView implements Disposable {
     for (const id of seen.viewIds) this.timeline.mark(id, 'drawn', performance.now());
     this.#state.seen = seen;
     this.#state.hindrance = this.#hindrance(frame);
+    this.#state.fault = this.#sampler.fault;
     this.#state.camera = frame.camera;
     this.#state.towards = frame.camera === null ? null : this.#memory?.elsewhere(frame.camera) ?? null;
     this.#state.jumped = this.#jumps.of(
@@ -203,21 +223,31 @@ export class LiveView implements Disposable {
     this.#renderer[Symbol.dispose]();
     this.#tracker[Symbol.dispose]();
     this.#memory?.[Symbol.dispose]();
+    this.#sampler[Symbol.dispose]();
     this.store[Symbol.dispose]();
   }
 
-  async #take(frame: LiveFrame, taken: (captureId: string) => void): Promise<void> {
+  async #take(frame: LiveFrame, shot: Shot): Promise<void> {
     const pressed_ms = performance.now();
+    const judged = this.#sampler.next();
     try {
       const correctedWorldFromCam = this.#tracker.suggested(frame);
-      const photo = { ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam };
+      const photo = {
+        ...await this.#photos.read(this.#tracker.carried(frame)), correctedWorldFromCam,
+        automatic: shot.automatic,
+      };
       this.#reading = false;
       const read_ms = performance.now();
+      if (shot.automatic) {
+        const fault = await Promise.race([judged, nothingAfter(JUDGED_WITHIN_MS)]);
+        if (fault !== null) return shot.faulty(fault, null);
+      }
       const id = await this.session.shutter(photo);
       this.timeline.mark(id, 'shutter', pressed_ms);
       this.timeline.mark(id, 'photo', read_ms);
       this.timeline.mark(id, 'kept', performance.now());
-      taken(id);
+      shot.kept(id);
+      if (!shot.automatic) void judged.then((fault) => { if (fault !== null) shot.faulty(fault, id); });
     } catch (error) {
       this.onProblem(error instanceof Error ? error.message : String(error));
     } finally {
@@ -277,4 +307,8 @@ export class LiveView implements Disposable {
   get depthIsMissing(): boolean {
     return this.#framesWithoutDepth > DEPTH_PATIENCE_FRAMES;
   }
+}
+
+function nothingAfter(time_ms: number): Promise<null> {
+  return new Promise((resolve) => setTimeout(() => resolve(null), time_ms));
 }

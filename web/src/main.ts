@@ -1,8 +1,9 @@
 /** The capture page: the only file that knows all the others. */
 
-import { AutoShutter, type AutoMoment } from './capture/auto_shutter';
+import { AUTO_WAITS, AutoShutter, type AutoHindrance, type AutoMoment } from './capture/auto_shutter';
 import { CaptureDb } from './capture/capture_db';
 import { CaptureSession, type CapturedView } from './capture/capture_session';
+import type { PictureFault } from './capture/picture_gate';
 import { whyNoCapture } from './check/findings';
 import { probe } from './check/probe';
 import { chooseSource, isStandIn, type SourceChoice } from './choose_source';
@@ -11,7 +12,7 @@ import { GuideMode } from './guidance/guide_mode';
 import { guideOptionsOf } from './guidance/guide_options';
 import type { GuideState } from './guidance/guide_session';
 import { NextView, type NextViewMoment } from './next_view/next_view';
-import { LiveView, type Hindrance, type Pace } from './live_view';
+import { LiveView, type Hindrance, type Pace, type Shot } from './live_view';
 import { governorOf, type Allowance } from './render/governor';
 import { Api } from './server/api';
 import { Warmth } from './server/warmth';
@@ -54,7 +55,14 @@ declare global {
   interface Window { peaking?: Inspection }
 }
 
-const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
+/** Said before a picture is taken, and of one that was. */
+const FAULTS: Readonly<Record<PictureFault, string>> = {
+  blurred: 'Blurred. Hold still.',
+  'too-dark': 'Too dark: noise hides the detail. Switch on a light.',
+  'too-bright': 'Too bright: much of it is white. Turn away from the light.',
+};
+const HINDRANCES: Readonly<Record<NonNullable<Hindrance> | PictureFault, string | null>> = {
+  ...FAULTS,
   'server-not-ready': null, // said below
   'no-picture': 'Waiting for the camera',
   'tracking-lost': 'Tracking lost. Move slowly and point the camera at something with texture.',
@@ -66,8 +74,8 @@ const HINDRANCES: Readonly<Record<NonNullable<Hindrance>, string | null>> = {
 const STAND_INS: Readonly<Record<SourceChoice['kind'], string>> = {
   webxr: '', replay: 'Play the recording', virtual: 'Try the virtual phone',
 };
-const FINISHED = 'This session is finished: its views are saved, and it takes no more. '
-  + 'Finish, then "Start a new session", begins another.';
+const FINISHED = 'This session is finished: its views are saved. Finish, then "Take more views", goes on '
+  + 'with it.';
 const BY_TOUCH = 'Drag to look around. Two fingers carry the phone; spread them to step closer.';
 /** A notice comes only when what hinders has lasted, so that nothing flickers. */
 const NOTICE_AFTER_MS = 700;
@@ -123,9 +131,17 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   live.look = { ...live.look, threshold: info.options.error_threshold };
   live.governor = governorOf(query, info.options);
   const isOver = (): boolean => extension === null && session.snapshot.finished !== 'no';
-  const shoot = (): void => {
-    if (rules.mayShoot && !isOver()) live.shoot(() => { problem = null; hud.confirm(); });
-  };
+  const shotOf = (automatic: boolean): Shot => ({
+    automatic,
+    kept: () => { problem = null; hud.confirm(); },
+    faulty: (fault, id) => {
+      if (id !== null && rules.offersHelp) hud.answer(FAULTS[fault], { label: 'Take it back', act: () => void session.undo(id) });
+    },
+  });
+  const byHand = shotOf(false);
+  const byItself = shotOf(true);
+  const mayShoot = (): boolean => rules.mayShoot && !isOver();
+  const shoot = (): void => { if (mayShoot()) live.shoot(byHand); };
   const guide = guideOptions === null ? null
     : new GuideMode(gl, overlay, guideOptions, live, shoot, choice.kind !== 'webxr');
   if (guide !== null) live.drawAlways();
@@ -145,8 +161,10 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     retry: (id) => void session.retry(id),
     setLook: (look) => { live.look = guide?.look(look) ?? look; },
     finish: (name) => void session.finish(name),
+    takeMore: () => void session.reopen(),
+    selection: (signal) => session.selection(signal),
+    dataset: (count) => session.dataset(count),
     newSession: () => beginAnew(query),
-    datasetUrl: session.datasetUrl,
   }, replay, rules);
   extension?.attach({ live, session, overlay });
   const picture = new PictureOnPage(choice.kind === 'webxr' ? null : stage.querySelector('canvas'));
@@ -173,11 +191,11 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
   // Written anew at every frame, in which nothing is made.
   const shown: { -readonly [K in keyof HudState]: HudState[K] } = {
     time_ms: 0, look: live.look, peakedShare: null, wrongShare: null, unseenShare: null, towards: null,
-    tracking: live.state.tracking, views: [], restorable: [], auto: null, notice: null, gettingReady: null,
+    tracking: live.state.tracking, views: [], restorable: [], isOver: false, auto: null, notice: null, gettingReady: null,
     canShoot: false, sessionName: '',
   };
   const moment: { -readonly [K in keyof AutoMoment]: AutoMoment[K] } = {
-    time_ms: 0, canShoot: false, steady: false, views: 0, ready: 0, peakedShare: null,
+    time_ms: 0, hindrance: null, fault: null, steady: false, views: 0, ready: 0, peakedShare: null,
   };
   const next: { -readonly [K in keyof NextViewMoment]: NextViewMoment[K] } = { time_ms: 0, camera: null, quiet: false };
   const loading = overlay.querySelector('.loading');
@@ -189,7 +207,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     }
     live.draw(frame);
     if (extension?.showsGuide !== false) guide?.draw(frame);
-    const { seen, hindrance, camera, jumped } = live.state;
+    const { seen, hindrance, fault, camera, jumped } = live.state;
     const { trouble, storageProblem, name, views, restorable } = session.snapshot;
     shown.time_ms = frame.time_ms;
     shown.look = live.look;
@@ -200,19 +218,22 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     shown.towards = isApart && nextView?.suggests !== true ? live.state.towards : null;
     shown.views = views;
     shown.restorable = restorable;
+    shown.isOver = isOver();
     const said = isOver() ? FINISHED : null;
-    shown.notice = notices.of(frame.time_ms, hindrance, said ?? jumped ?? problem ?? storageProblem ?? trouble);
+    const toSay = rules.offersHelp ? fault : null;
+    shown.notice = notices.of(frame.time_ms, hindrance ?? toSay, said ?? jumped ?? problem ?? storageProblem ?? trouble);
     shown.gettingReady = warmth.share;
     shown.canShoot = hindrance === null && !isOver() && (guide?.canPress ?? true) && rules.mayPress;
     shown.sessionName = name;
     if (auto.on) {
       moment.time_ms = frame.time_ms;
-      moment.canShoot = shown.canShoot;
+      moment.hindrance = shown.canShoot ? null : autoHindranceOf(hindrance);
+      moment.fault = fault;
       moment.steady = live.steady;
       moment.views = views.length;
       moment.ready = readyOf(views);
       moment.peakedShare = shown.peakedShare;
-      if (auto.look(moment)) shoot();
+      if (auto.look(moment) && mayShoot()) live.shoot(byItself);
     }
     shown.auto = auto.sentence;
     hud.show(shown);
@@ -253,12 +274,12 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
 
 /** What to tell the photographer, once it has lasted for a moment. */
 class Notices {
-  #hindrance: Hindrance = null;
+  #hindrance: Hindrance | PictureFault = null;
   #since_ms = 0;
 
   constructor(readonly warmth: Warmth) {}
 
-  of(time_ms: number, hindrance: Hindrance, trouble: string | null): string | null {
+  of(time_ms: number, hindrance: Hindrance | PictureFault, trouble: string | null): string | null {
     if (hindrance !== this.#hindrance) {
       this.#hindrance = hindrance;
       this.#since_ms = time_ms;
@@ -291,6 +312,10 @@ async function sourceOf(
     default:
       return choice.kind satisfies never;
   }
+}
+
+function autoHindranceOf(hindrance: Hindrance): AutoHindrance {
+  return hindrance !== null && hindrance in AUTO_WAITS ? hindrance as AutoHindrance : 'other';
 }
 
 function readyOf(views: readonly CapturedView[]): number {

@@ -53,6 +53,8 @@ export interface CaptureHeader {
   readonly depth?: DepthLayout | null;
   readonly points?: number;
   readonly corrected_world_from_cam?: readonly number[] | null;
+  readonly sent_s?: number | null;
+  readonly automatic?: boolean;
 }
 
 /** One captured view, as the server holds it. */
@@ -71,6 +73,7 @@ export interface Capture {
   readonly ending?: 'erased' | 'set_aside' | 'undone' | null;
   readonly restorable?: boolean;
   readonly corrected_world_from_cam?: readonly number[] | null;
+  readonly automatic?: boolean;
 }
 
 /** PATCH /api/v1/sessions/{session}/captures/{capture}: `null` brings it back. */
@@ -80,7 +83,7 @@ export interface CaptureChange {
 
 /** What is asked of GET /api/v1/sessions/{session}/selection, after the question mark. */
 export interface SelectionQuery {
-  readonly policy?: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy?: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly views?: number | null;
   readonly threshold_share?: number;
   readonly spacing_m?: number | null;
@@ -94,12 +97,28 @@ export interface CaptureDecision {
   readonly kept: boolean;
   readonly reason: string;
   readonly worth_db?: number | null;
+  readonly sharpness?: number | null;
+  readonly brightness?: number | null;
+  readonly faults?: readonly ('blurred' | 'brighter' | 'darker')[];
+}
+
+/** How well a number of views shows the captures. */
+export interface CurvePoint {
+  readonly num_views: number;
+  readonly psnr_db: number;
 }
 
 /** GET /api/v1/sessions/{session}/selection: the captures that a policy would keep. Captures without an MPI, and those whose scale is a guess, are not among them. */
 export interface Selection {
-  readonly policy: 'all' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
+  readonly policy: 'all' | 'auto-shutter' | 'coverage' | 'every-nth' | 'farthest' | 'peaking' | 'plenoptic' | 'random' | 'sharpest' | 'threshold' | 'uniform';
   readonly captures: readonly CaptureDecision[];
+  readonly curve?: readonly CurvePoint[];
+  readonly enough?: number | null;
+}
+
+/** What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark. */
+export interface DatasetQuery {
+  readonly views?: number | 'auto' | null;
 }
 
 /** A pose from which a view helps. */
@@ -380,6 +399,30 @@ export const captureSchema: Schema<Capture> = /* @__PURE__ */ record<Capture>({
   ending: optional(nullable(oneOf('erased', 'set_aside', 'undone'))),
   restorable: optional(flag),
   corrected_world_from_cam: optional(nullable(list(number(-100000000, 100000000), 12, 12))),
+  automatic: optional(flag),
+});
+
+export const captureDecisionSchema: Schema<CaptureDecision> = /* @__PURE__ */ record<CaptureDecision>({
+  id: text,
+  number: integer(),
+  kept: flag,
+  reason: text,
+  worth_db: optional(nullable(number())),
+  sharpness: optional(nullable(number())),
+  brightness: optional(nullable(number())),
+  faults: optional(list(oneOf('blurred', 'brighter', 'darker'))),
+});
+
+export const curvePointSchema: Schema<CurvePoint> = /* @__PURE__ */ record<CurvePoint>({
+  num_views: integer(),
+  psnr_db: number(),
+});
+
+export const selectionSchema: Schema<Selection> = /* @__PURE__ */ record<Selection>({
+  policy: oneOf('all', 'auto-shutter', 'coverage', 'every-nth', 'farthest', 'peaking', 'plenoptic', 'random', 'sharpest', 'threshold', 'uniform'),
+  captures: list(captureDecisionSchema),
+  curve: optional(list(curvePointSchema)),
+  enough: optional(nullable(integer())),
 });
 
 export const guidedPlaceSchema: Schema<GuidedPlace> = /* @__PURE__ */ record<GuidedPlace>({

@@ -9,64 +9,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
-import cv2
 import numpy as np
-from jaxtyping import Float64
 
+from peaking.best_frames.choosing import Chosen, FrameChoice, Looks, choose_by_pictures
 from peaking.datasets import Recording
 from peaking.datasets.depth_unit import typical_distance
-from peaking.geometry import Camera
 from peaking.options import DEFAULT, Options
-from peaking.output import encode_jpeg
-from peaking.selection.backward_elimination import SAME_PLACE, BackwardElimination
-from peaking.selection.blur import relative_to_nearest, worth_of_sharpness
+from peaking.selection.blur import worth_of_sharpness
 from peaking.selection.coverage import cover
-from peaking.selection.policy import CurvePoint, Worth
+from peaking.selection.policy import CurvePoint
 from peaking.selection.recorded_frames import RecordedCandidate, RecordedFrames
 
 Progress = Callable[[Sequence[int]], Iterable[int]]
 """Wraps the numbers of the frames that are looked at."""
-
-BLURRED = 0.8
-"""Sharpness relative to frames from nearby at which a frame is called blurred; 9 of 10 that are not
-blurred have more (`peaking.selection.blur`)."""
-
-UNEVEN = 1.3
-"""Brightness over that of frames from nearby, or its inverse, at which it is called otherwise
-exposed."""
 
 ENOUGH_PARALLAX = 0.15
 """Without depth: gap between frames over the distance of things, at which more are not needed."""
 
 MOST_WITHOUT_NUMBER = 400
 """Without depth, the curve ends here."""
-
-THUMBNAIL_PX = 160
-"""Longer side of the small pictures for the report."""
-
-THUMBNAIL_QUALITY = 70
-
-
-@dataclass(frozen=True)
-class FrameChoice:
-    """What became of a frame.
-
-    Attributes:
-        number: Its place in the recording.
-        name: Its name there.
-        kept: Whether it was chosen.
-        reason: Why, or why not.
-        sharpness: Relative to frames from nearby; 1 is as sharp as these, None was not looked at.
-        worth_db: What a kept view is worth (`Worth.psnr_db`); None where that is not known.
-    """
-
-    number: int
-    name: str
-    kept: bool
-    reason: str
-    sharpness: float | None
-    worth_db: float | None = None
 
 
 @dataclass(frozen=True)
@@ -133,83 +96,39 @@ def choose_best(
     if num_views is not None and not 1 <= num_views <= len(usable):
         raise ValueError(f"need 1 to {len(usable)} views, got {num_views}")
     start_s = clock_s()
-    looks = _Looks()
-    choose = _by_pictures if frames.with_depth else _by_poses
-    chosen = choose(frames, usable, num_views, looks, progress)
+    looks = Looks(options.pixels, with_thumbnails=True)
+    if frames.with_depth:
+        chosen = choose_by_pictures(
+            progress(usable), partial(RecordedCandidate, frames), num_views, options, looks
+        )
+        curve: Sequence[CurvePoint] | Sequence[Gap] = chosen.curve
+    else:
+        chosen, curve = _by_poses(frames, usable, num_views, looks, progress)
     stages_ms, _ = frames.take_costs()
     seconds = {stage: stages_ms.get(stage, 0.0) / 1000 for stage in ("reading", "generating")}
     seconds["choosing"] = clock_s() - start_s - sum(seconds.values())
-    relative = dict(zip(usable, looks.relative_sharpness(), strict=True))
-    brighter = dict(zip(usable, looks.relative_brightness(), strict=True))
-
-    def choice(number: int) -> FrameChoice:
-        name = recording.names[number]
-        if number not in relative:
-            return FrameChoice(number, name, False, "no depth", None)
-        sharp = float(relative[number])
-        if number in chosen.kept:
-            worth = chosen.kept[number]
-            reason = "covers what no other does" if worth is None else worth.why
-            return FrameChoice(
-                number, name, True, reason, sharp, None if worth is None else worth.psnr_db
-            )
-        reason = _why_not(sharp, float(brighter[number]), number in chosen.same_place)
-        return FrameChoice(number, name, False, reason, sharp)
-
+    choices = looks.choices(chosen, lambda number: recording.names[number])
     return BestFrames(
-        [choice(number) for number in range(len(recording))],
-        chosen.curve,
+        [
+            choices.get(number, FrameChoice(number, name, False, "no depth", None))
+            for number, name in enumerate(recording.names)
+        ],
+        curve,
         bool(frames.with_depth),
         seconds,
         looks.thumbnails,
     )
 
 
-def _why_not(sharp: float, brightness: float, same_place: bool) -> str:
-    if sharp < BLURRED:
-        return "less sharp than others from there"
-    if not 1 / UNEVEN < brightness < UNEVEN:
-        return f"{'brighter' if brightness > 1 else 'darker'} than others from there"
-    if same_place:
-        return "taken from the same place as another"
-    return "the frames kept show the same"
-
-
-@dataclass(frozen=True)
-class _Chosen:
-    kept: dict[int, Worth | None]
-    curve: Sequence[CurvePoint] | Sequence[Gap]
-    same_place: set[int] = field(default_factory=set[int])
-
-
-def _by_pictures(
-    frames: RecordedFrames,
-    usable: Sequence[int],
-    num_views: int | None,
-    looks: _Looks,
-    progress: Progress,
-) -> _Chosen:
-    policy = BackwardElimination(num_views, frames.options, with_curve=True)
-    same_place: set[int] = set()
-    for number in progress(usable):
-        candidate = RecordedCandidate(frames, number)
-        if policy.observe(candidate).reason == SAME_PLACE:
-            same_place.add(number)
-        looks.add(number, candidate)
-    policy.finish()
-    worth = policy.worth
-    return _Chosen({number: worth[number] for number in policy.views}, policy.curve, same_place)
-
-
 def _by_poses(
     frames: RecordedFrames,
     usable: Sequence[int],
     num_views: int | None,
-    looks: _Looks,
+    looks: Looks,
     progress: Progress,
-) -> _Chosen:
+) -> tuple[Chosen, list[Gap]]:
     for number in progress(usable):
-        looks.add(number, RecordedCandidate(frames, number))
+        looks.add(RecordedCandidate(frames, number))
     distance = typical_distance(frames.recording.cameras, frames.recording.read) or frames.depth_m
     worth = worth_of_sharpness(looks.relative_sharpness())
     cameras = [frames.cameras[number] for number in usable]
@@ -221,34 +140,4 @@ def _by_poses(
     near = (point.num_views for point in curve if point.gap_share < ENOUGH_PARALLAX)
     enough = next(near, len(curve))
     count = num_views or enough
-    return _Chosen({usable[place]: None for place in found.places[:count]}, curve)
-
-
-class _Looks:
-    """What is remembered of every frame that was looked at."""
-
-    def __init__(self) -> None:
-        self.thumbnails: dict[int, bytes] = {}
-        self._cameras: list[Camera] = []
-        self._sharpness: list[float] = []
-        self._brightness: list[float] = []
-
-    def add(self, number: int, candidate: RecordedCandidate) -> None:
-        """Look at a frame."""
-        frame = candidate.frame(candidate.frames.options.pixels)
-        height, width = frame.rgb.shape[:2]
-        shrink = min(1.0, THUMBNAIL_PX / max(height, width))
-        size_px = max(1, round(width * shrink)), max(1, round(height * shrink))
-        small = cv2.resize(frame.rgb, size_px, interpolation=cv2.INTER_AREA)
-        self.thumbnails[number] = encode_jpeg(small.astype(np.uint8), quality=THUMBNAIL_QUALITY)
-        self._cameras.append(frame.camera)
-        self._sharpness.append(candidate.sharpness())
-        self._brightness.append(float(np.mean(frame.rgb)))
-
-    def relative_sharpness(self) -> Float64[np.ndarray, "n"]:
-        """Return the sharpness of each over that of those from nearby."""
-        return relative_to_nearest(self._cameras, np.array(self._sharpness))
-
-    def relative_brightness(self) -> Float64[np.ndarray, "n"]:
-        """Return the brightness of each over that of those from nearby."""
-        return relative_to_nearest(self._cameras, np.array(self._brightness))
+    return Chosen({usable[place]: None for place in found.places[:count]}, []), curve

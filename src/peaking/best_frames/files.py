@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from peaking.best_frames import BestFrames
+from peaking.best_frames.choosing import FrameChoice
 from peaking.best_frames.report import best_frames_page
 from peaking.datasets import Recording
 from peaking.output import write_atomically
@@ -35,6 +37,12 @@ def write_best_frames(
         OutputError: `out` is taken, full or not writable.
     """
     recording.write_subset(best.kept, out, follow_links=follow_links, keep_exif=keep_exif)
+    write_atomically(out / "selection.csv", selection_csv(best.frames).encode())
+    write_atomically(out / "report.html", best_frames_page(recording, best).encode())
+
+
+def selection_csv(frames: Iterable[FrameChoice]) -> str:
+    """Return what became of each frame, as selection.csv has it."""
     rows = [
         (
             frame.number,
@@ -44,7 +52,6 @@ def write_best_frames(
             None if frame.sharpness is None else round(frame.sharpness, 3),
             None if frame.worth_db is None else round(frame.worth_db, 4),
         )
-        for frame in best.frames
+        for frame in frames
     ]
-    write_atomically(out / "selection.csv", csv_text([COLUMNS, *rows]).encode())
-    write_atomically(out / "report.html", best_frames_page(recording, best).encode())
+    return csv_text([COLUMNS, *rows])

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from peaking.best_frames import BestFrames, FrameChoice, Gap
+from peaking.best_frames import BestFrames, Gap
+from peaking.best_frames.choosing import FrameChoice
 from peaking.datasets import Recording
 from peaking.replay.charts import nice_at_least
 from peaking.replay.path_map_svg import map_view, path_map

@@ -70,7 +70,8 @@ class Demo:
                 "phones are served by: peaking serve"
             )
         recordings: dict[str, Played] = {}
-        query = "?source=virtual"
+        # Hands are busy with keys and mouse here: from the first view on it takes views by itself.
+        query = "?source=virtual&auto=on"
         if self.scene is not None:
             played = self.scene.resolve().name
             if self.scene.is_file() and self.scene.suffix != ".json":
@@ -78,7 +79,7 @@ class Demo:
             else:
                 recording = open_recording(self.scene, confined=not self.follow_links)
                 recordings[played] = PlayedRecording(played, recording)
-            query = f"?source=replay&recording={quote(played)}"
+            query = f"?source=replay&recording={quote(played)}&auto=on"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)
         host = f"[{name}]" if ":" in name else name
         address = f"http://{host}:{listener.getsockname()[1]}/"
@@ -87,7 +88,7 @@ class Demo:
 
         def started() -> None:
             say_when_outdated()
-            say(f"Capture page:        {address}{query if recordings else ''}")
+            say(f"Capture page:        {address}{query}")
             say(f"List of sessions:    {address}sessions")
             say(f"Folder of sessions:  {self.sessions.resolve()}")
             say("Stop with Ctrl-C.")

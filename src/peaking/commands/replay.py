@@ -43,7 +43,8 @@ class Replay:
     policy: PolicyName = "threshold"
     """Which frames are captured: `threshold` is the paper's rule, `peaking` our own."""
     views: int | None = None
-    """Number of views to choose; required by `peaking`, `uniform`, `farthest` and `random`."""
+    """Number of views to choose; required by most policies. `peaking` keeps as many as are enough
+    without it, `threshold` goes by --threshold, `plenoptic` by --spacing-m."""
     threshold: float = PAPER_PEAKED_SHARE
     """With --policy threshold: peaked share, 0…1, above which a frame is captured (the paper's)."""
     spacing_m: float | None = None

@@ -14,12 +14,14 @@ KINDS = (
     "reading",
     "generating",
     "choosing",
+    "photographing",
     "training",
     "rendering",
     "scoring",
 )
 """Kinds of work: COLMAP; pictures, depth and kept MPIs; new MPIs; strategies, with the renderings
-that they look at; 3D Gaussians; test views; measures. Each second counts for one of them."""
+that they look at; simulated photographers, with their screens; 3D Gaussians; test views; measures.
+Each second counts for one of them."""
 
 
 @dataclass(frozen=True)

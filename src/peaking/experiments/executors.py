@@ -12,7 +12,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Protocol, runtime_checkable
@@ -20,6 +20,9 @@ from typing import Any, Protocol, runtime_checkable
 from peaking.errors import BackendUnavailable, PeakingError
 from peaking.experiments.plan import EvaluationStep
 from peaking.experiments.steps import Found, perform
+
+Perform = Callable[[EvaluationStep], Found]
+"""Does a step; workers have to find it by its name."""
 
 RETRIES = 2
 """How often a step is begun again after its worker died."""
@@ -37,17 +40,22 @@ class Executor(Protocol):
 class InProcess:
     """One step after another, here."""
 
+    def __init__(self, *, perform: Perform = perform) -> None:
+        """Do steps by this function."""
+        self._perform = perform
+
     def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps in their order."""
         for step in steps:
-            yield step, perform(step)
+            yield step, self._perform(step)
 
 
 class ProcessPool:
     """Worker processes of one thread each."""
 
-    def __init__(self, workers: int | None = None) -> None:
-        """Use so many workers; one per core when not given."""
+    def __init__(self, workers: int | None = None, *, perform: Perform = perform) -> None:
+        """Use so many workers, one per core when not given, and do steps by this function."""
+        self._perform = perform
         self._workers = workers or os.cpu_count() or 1
 
     def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
@@ -82,7 +90,7 @@ class ProcessPool:
             queue = iter(enumerate(steps))
             # Few at a time, so that Ctrl-C has little to wait for.
             for k, step in queue:
-                waiting[pool.submit(perform, step)] = k
+                waiting[pool.submit(self._perform, step)] = k
                 if len(waiting) < 2 * count:
                     continue
                 yield from self._finished(waiting)
@@ -101,8 +109,8 @@ class ProcessPool:
 class RayTasks:
     """Ray tasks (extra `[ray]`), on this machine or a cluster that sees the same folders."""
 
-    def __init__(self, address: str | None = None) -> None:
-        """Join the cluster at an address, or start one here.
+    def __init__(self, address: str | None = None, *, perform: Perform = perform) -> None:
+        """Join the cluster at an address, or start one here, and do steps by this function.
 
         Raises:
             BackendUnavailable: Ray is not installed.
@@ -112,13 +120,14 @@ class RayTasks:
         except ImportError as error:
             raise BackendUnavailable("--ray needs Ray: pip install 'peaking[ray]'") from error
         self._ray: Any = ray
+        self._perform = perform
         if not ray.is_initialized():
             ray.init(address=address, include_dashboard=False, log_to_driver=False)
 
     def run(self, steps: Sequence[EvaluationStep]) -> Iterator[tuple[EvaluationStep, Found]]:
         """Do all steps; Ray begins those of a worker that died anew."""
         task = self._ray.remote(num_cpus=1, max_retries=RETRIES)(_perform_alone)
-        waiting = {task.remote(step): step for step in steps}
+        waiting = {task.remote(self._perform, step): step for step in steps}
         while waiting:
             done, _ = self._ray.wait(list(waiting), num_returns=1)
             for reference in done:
@@ -130,7 +139,7 @@ class RayTasks:
                 yield step, found
 
 
-def _perform_alone(step: EvaluationStep) -> Found:
+def _perform_alone(perform: Perform, step: EvaluationStep) -> Found:
     _begin_worker()
     return perform(step)
 

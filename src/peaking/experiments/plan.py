@@ -93,7 +93,12 @@ class EvaluationOptions:
 
 
 @dataclass(frozen=True)
-class CountStep:
+class EvaluationStep:
+    """What an executor does: a step of an evaluation, or of an experiment of another kind."""
+
+
+@dataclass(frozen=True)
+class CountStep(EvaluationStep):
     """Count the views that the paper's rule takes."""
 
     scene: Path
@@ -105,7 +110,7 @@ class CountStep:
 
 
 @dataclass(frozen=True)
-class PlaceStep:
+class PlaceStep(EvaluationStep):
     """Let COLMAP say where the frames were taken."""
 
     scene: Path
@@ -113,7 +118,7 @@ class PlaceStep:
 
 
 @dataclass(frozen=True)
-class ChooseStep:
+class ChooseStep(EvaluationStep):
     """Let a strategy choose."""
 
     scene: Path
@@ -130,7 +135,7 @@ class ChooseStep:
 
 
 @dataclass(frozen=True)
-class ScoreStep:
+class ScoreStep(EvaluationStep):
     """Reconstruct from views, and score test views."""
 
     scene: Path
@@ -147,9 +152,6 @@ class ScoreStep:
     lpips_folder: Path | None
     mpis: Path | None = None
     """Folder for MPIs that all workers share."""
-
-
-EvaluationStep = CountStep | PlaceStep | ChooseStep | ScoreStep
 
 
 def key_of(step: EvaluationStep) -> str:

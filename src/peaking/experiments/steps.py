@@ -55,10 +55,13 @@ def perform(
     Raises:
         RecordingError: The recording cannot be used, or has too few frames.
         PeakingError: What was asked for is not installed.
+        TypeError: It is no step of an evaluation.
     """
     start_s = processor_s()
     if isinstance(step, PlaceStep):
         found, stages_ms, made = _place(step, wall_s), {}, 0
+    elif not isinstance(step, CountStep | ChooseStep | ScoreStep):
+        raise TypeError(f"need a step of an evaluation, got {type(step).__name__}")
     else:
         frames = _opened(step.scene, step.fingerprint, step.options, step.mpis)
         found = _done(frames, step, wall_s)

@@ -32,6 +32,7 @@ ORDER = (
     "coverage",
     "plenoptic",
     "threshold",
+    "auto-shutter",
     "peaking",
     "all",
 )

@@ -113,6 +113,8 @@ def _what_decided(settings: ReplayHeader) -> tuple[str, str, str]:
     if guide is None and settings.policy != "threshold":
         spacing_m = settings.options.get("spacing_m")
         asked = "all frames" if settings.num_views is None else f"{settings.num_views} views"
+        if settings.policy == "peaking" and settings.num_views is None:
+            asked = "as many views as are enough"
         if isinstance(spacing_m, float) and settings.num_views is None:
             asked = f"a view every {100 * spacing_m:.1f} cm"
         return "Policy", html.escape(settings.policy), f"asked for: {asked}"

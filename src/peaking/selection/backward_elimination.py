@@ -13,13 +13,11 @@ be.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
-from peaking.geometry import Camera
 from peaking.mpi import Mpi
 from peaking.options import Options
 from peaking.selection.blur import Sharpnesses
@@ -33,14 +31,8 @@ from peaking.selection.policy import (
     Why,
     Worth,
 )
+from peaking.selection.seen_frames import SeenFrames
 from peaking.selection.shown_errors import Blend, ShownErrors
-from peaking.view_weights import (
-    CLOSE_M,
-    costs_m,
-    fading_weights,
-    overlap_costs_m,
-    overlap_points_m,
-)
 
 HELD_PER_VIEW = 4
 """Views held while shooting, per view wanted; the rest goes at the end. With 2 the mean PSNR was up
@@ -60,10 +52,6 @@ MIN_PIXELS = 256
 EXPONENT = 0.25
 """What a frame's mean squared error is raised to before it is summed. Towards 0 the mean PSNR over
 frames counts, towards 1 the worst frames alone."""
-
-SAME_PLACE_M = 2 * CLOSE_M
-"""Cost (distance over overlap) up to which a view is from where another was: who stands still takes
-one. Each would else be missed by the other, which no third one shows as well."""
 
 GAIN_DB = 1.0
 """The curve has flattened where twice as many views bring less than this."""
@@ -106,7 +94,12 @@ class BackwardElimination:
     """
 
     def __init__(
-        self, num_views: int | None, options: Options, *, with_curve: bool = False
+        self,
+        num_views: int | None,
+        options: Options,
+        *,
+        with_curve: bool = False,
+        most_held: int | None = None,
     ) -> None:
         """Begin without a view.
 
@@ -114,6 +107,7 @@ class BackwardElimination:
             num_views: How many are wanted in the end; None: as many as the curve says are enough.
             options: How views are built and blended.
             with_curve: Whether to find out at the end how good fewer views would be.
+            most_held: Views held until the end; `HELD_PER_VIEW` per view wanted without it.
 
         Raises:
             ValueError: `num_views` < 1.
@@ -122,14 +116,15 @@ class BackwardElimination:
             raise ValueError(f"need num_views >= 1, got {num_views}")
         self._num_views = num_views
         self._options = options
-        self._most_held = HELD_WITHOUT_NUMBER if num_views is None else HELD_PER_VIEW * num_views
+        usual = HELD_WITHOUT_NUMBER if num_views is None else HELD_PER_VIEW * num_views
+        self._most_held = usual if most_held is None else most_held
         self._most_seen = max(MAX_SEEN, 2 * self._most_held)
         self._with_curve = with_curve or num_views is None
         self._pixels = 0
         self._shown = ShownErrors(
             options.opacity, max_photos=self._most_seen + 1, max_views=options.neighbours
         )
-        self._seen = _SeenFrames(self._most_seen + 1)
+        self._seen = SeenFrames(self._most_seen + 1)
         self._sharp = Sharpnesses()
         self._sharper: set[int] = set()
         self._error: dict[int, float] = {}
@@ -180,6 +175,14 @@ class BackwardElimination:
         if gone == number:
             return Decision(False, "the views held show the frames seen so far without it")
         return Decision(new, f"view {gone} is missed least", dropped=(gone,))
+
+    def give_up(self, among: Collection[int]) -> int | None:
+        """Give up the one of some views that is least missed; return it, None if none is held."""
+        return self._drop(among) if any(i in among for i in self._seen.held) else None
+
+    def forget_renderings(self) -> None:
+        """Give the memory back that takes the most; it is filled again when it is needed."""
+        self._shown.forget_renderings()
 
     def finish(self) -> Decision:
         """Drop the least missed until as many are held as are wanted."""
@@ -238,13 +241,13 @@ class BackwardElimination:
         del self._shows[old]
         self._shown.remove_mpi(old)
 
-    def _drop(self) -> int:
-        """Give up the view that is least missed; return its number.
+    def _drop(self, among: Collection[int] | None = None) -> int:
+        """Give up the view that is least missed, of some or of all; return its number.
 
         What is missed of a view counts as much as it is sharp: of two that show the same, the
         sharper one stays.
         """
-        held = self._seen.held
+        held = [i for i in self._seen.held if among is None or i in among]
         missed = np.array([self._loss[i].missed for i in held])
         least = held[int(np.argmin(np.where(missed > 0, missed * self._sharp.worth(held), missed)))]
         self._seen.release(least)
@@ -314,97 +317,6 @@ class _Step:
     views: tuple[int, ...]
     psnr_db: float
     worth: Mapping[int, Worth]
-
-
-class _SeenFrames:
-    """The frames seen, and what each costs to be shown by each of the views held."""
-
-    def __init__(self, most: int) -> None:
-        self.held: list[int] = []
-        self._numbers: list[int] = []
-        self._cameras: list[Camera] = []
-        self._depths_m: list[float] = []
-        self._points_m: list[Float64[np.ndarray, "n 3"]] = []
-        self._row: dict[int, int] = {}
-        self._cost_m = np.full((most, most), np.inf)
-        self._held_rows = np.zeros(0, dtype=np.int64)
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def add(self, number: int, camera: Camera, depth_m: float) -> None:
-        """Add a frame, and what it costs to be shown by the views held."""
-        row = len(self._numbers)
-        self._row[number] = row
-        self._numbers.append(number)
-        self._cameras.append(camera)
-        self._points_m.append(overlap_points_m(camera, depth_m))
-        if self.held:
-            views = [self._cameras[i] for i in self._held_rows]
-            self._cost_m[row, self._held_rows] = overlap_costs_m(views, camera, depth_m)
-
-    def hold(self, number: int) -> None:
-        """Let a frame be a view, and find out what all frames cost to be shown by it."""
-        row = self._row[number]
-        camera = self._cameras[row]
-        positions_m = np.array([seen.position_m for seen in self._cameras])
-        distance_m = np.linalg.norm(positions_m - camera.position_m, axis=1)
-        overlap = camera.sees(np.array(self._points_m)).mean(axis=-1)
-        self._cost_m[: len(self), row] = costs_m(distance_m, overlap)
-        self.held.append(number)
-        self._find_held()
-
-    def release(self, number: int) -> None:
-        """Let a view be a frame again."""
-        self.held.remove(number)
-        self._find_held()
-
-    def from_same_place(self, number: int) -> int | None:
-        """Return the view held that was taken where a frame was; None if none was."""
-        if not self.held:
-            return None
-        cost_m = self._cost_m[self._row[number], self._held_rows]
-        nearest = int(np.argmin(cost_m))
-        return self.held[nearest] if cost_m[nearest] <= SAME_PLACE_M else None
-
-    def neighbours(
-        self, target: int, count: int, *, without: int | None = None
-    ) -> tuple[tuple[int, ...], Float64[np.ndarray, "k"]]:
-        """Return which views show a frame, which is none of them, and their weights."""
-        others = [i for i in self.held if i not in (target, without)]
-        if not others:
-            return (), np.zeros(0)
-        rows = [self._row[i] for i in others]
-        best, weights = fading_weights(self._cost_m[self._row[target], rows], count)
-        return tuple(others[int(k)] for k in best.tolist()), weights
-
-    def shown_by(self, view: int, count: int) -> set[int]:
-        """Return the frames that a view held is among the nearest of."""
-        cost_m = self._cost_m[: len(self), self._held_rows].copy()
-        cost_m[self._held_rows, np.arange(len(self.held))] = np.inf  # none shows itself
-        column = self.held.index(view)
-        if len(self.held) > count:
-            limit_m = np.partition(cost_m, count - 1, axis=1)[:, count - 1]
-        else:
-            limit_m = np.full(len(self), np.inf)
-        near = (cost_m[:, column] <= limit_m) & np.isfinite(cost_m[:, column])
-        return {self._numbers[row] for row in np.flatnonzero(near)}
-
-    def remove_closest(self) -> int:
-        """Remove the frame, no view and not the last, whose neighbours in time are the closest."""
-        rows = [r for r in range(1, len(self) - 1) if self._numbers[r] not in set(self.held)]
-        gone = min(rows, key=lambda r: self._numbers[r + 1] - self._numbers[r - 1])
-        number = self._numbers.pop(gone)
-        del self._cameras[gone], self._points_m[gone]
-        kept = np.delete(np.arange(len(self._cost_m)), gone)
-        self._cost_m[:-1, :-1] = self._cost_m[np.ix_(kept, kept)]
-        self._cost_m[-1], self._cost_m[:, -1] = np.inf, np.inf
-        self._row = {number: row for row, number in enumerate(self._numbers)}
-        self._find_held()
-        return number
-
-    def _find_held(self) -> None:
-        self._held_rows = np.array([self._row[i] for i in self.held], dtype=np.int64)
 
 
 def enough(curve: Sequence[CurvePoint], *, gain_db: float = GAIN_DB) -> int:

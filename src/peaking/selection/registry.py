@@ -10,6 +10,7 @@ import numpy as np
 
 from peaking.options import DEFAULT, PAPER_PEAKED_SHARE, Options, PolicyName
 from peaking.selection.all_frames import choose_all
+from peaking.selection.auto_shutter import AutoShutter
 from peaking.selection.backward_elimination import BackwardElimination
 from peaking.selection.coverage import choose_by_coverage
 from peaking.selection.every_nth import choose_every_nth
@@ -31,9 +32,10 @@ class SelectionOptions:
     """Which policy chooses views, and by what."""
 
     policy: PolicyName = "threshold"
-    """Which one; the paper's rule needs no number of views, our own, `peaking`, does."""
+    """Which one."""
     num_views: int | None = None
-    """How many views; `threshold` and `plenoptic` need the whole path to reach a number."""
+    """How many views; `threshold` and `plenoptic` need the whole path to reach a number. `peaking`
+    needs none: it keeps as many as are worth it."""
     threshold_share: float = PAPER_PEAKED_SHARE
     """Of `threshold` without a number: the peaked share, 0…1, above which a frame is taken."""
     spacing_m: float | None = None
@@ -87,10 +89,12 @@ class PolicyKind:
         return self.create is None
 
 
-def _backward_elimination(selection: SelectionOptions, options: Options) -> Policy | None:
-    return (
-        None if selection.num_views is None else BackwardElimination(selection.num_views, options)
-    )
+def _backward_elimination(selection: SelectionOptions, options: Options) -> Policy:
+    return BackwardElimination(selection.num_views, options)
+
+
+def _auto_shutter(selection: SelectionOptions, options: Options) -> Policy:
+    return AutoShutter(selection.num_views, options)
 
 
 def _threshold(selection: SelectionOptions, options: Options) -> Policy | None:
@@ -107,6 +111,7 @@ def _spacing(selection: SelectionOptions, options: Options) -> Policy | None:
 
 POLICIES: Mapping[PolicyName, PolicyKind] = {
     "peaking": PolicyKind(create=_backward_elimination, needs_depth=True),
+    "auto-shutter": PolicyKind(create=_auto_shutter, needs_depth=True),
     "threshold": PolicyKind(create=_threshold, choose=choose_by_threshold, needs_depth=True),
     "uniform": PolicyKind(choose=choose_uniform),
     "every-nth": PolicyKind(choose=choose_every_nth),
@@ -117,8 +122,9 @@ POLICIES: Mapping[PolicyName, PolicyKind] = {
     "random": PolicyKind(choose=choose_randomly, is_random=True),
     "all": PolicyKind(choose=choose_all, all_frames=True),
 }
-"""`peaking` is the product's own, greedy backward elimination; `threshold` is the paper's rule;
-`plenoptic` is LLFF's spacing. The others need the whole path."""
+"""`peaking` is the product's own, greedy backward elimination, and `auto-shutter` the same over the
+frames that the capture page takes by itself; `threshold` is the paper's rule; `plenoptic` is LLFF's
+spacing. The others need the whole path."""
 
 
 def create_policy(

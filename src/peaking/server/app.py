@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -39,11 +38,12 @@ from peaking.server.fair_room import Busy, FairRoom
 from peaking.server.file_answers import BoundedStream, FileAnswer, while_it_lasts
 from peaking.server.generation import GenerationQueue
 from peaking.server.guidance import GuidanceWorker
-from peaking.server.open_session import NotRestorable, OpenSession, SessionGone
+from peaking.server.keeper import MOST_AUTOMATIC, Keeper
+from peaking.server.open_session import NotRestorable, OpenSession, SessionClosed, SessionGone
 from peaking.server.openapi import document
 from peaking.server.pages import client_pages
 from peaking.server.recording_routes import routes_of_recordings
-from peaking.server.requests import device_of, id_in_path, read_body, read_json
+from peaking.server.requests import device_of, id_in_path, read_body, read_json, read_query
 from peaking.server.responses import (
     LASTING,
     attachment,
@@ -52,7 +52,7 @@ from peaking.server.responses import (
     json_response,
     problem,
 )
-from peaking.server.selection import DamagedMpi, select_captures
+from peaking.server.selection import DamagedMpi, Selections, chosen_files
 from peaking.server.session_state import UnknownCapture
 from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.shown_files import shown_photo, shown_thumbnail, sound_mpi
@@ -92,6 +92,8 @@ class ServerOptions:
         max_upload_bytes: Larger uploads are refused.
         pages: What a device opens that is paired by another one; its address, the best first.
         keep_exif: Photos keep their metadata: where, when and with what they were taken.
+        most_automatic: Views of a session that the automatic shutter took and that stay in its
+            data set.
     """
 
     devices: Devices | None
@@ -101,6 +103,7 @@ class ServerOptions:
     max_upload_bytes: int = 64_000_000
     pages: Sequence[str] = ()
     keep_exif: bool = False
+    most_automatic: int = MOST_AUTOMATIC
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -135,10 +138,17 @@ class _Handlers:
         self._storing = Turns(STORED_AT_ONCE, name="store", session_by_session=True)
         self._pictures = Turns(DECODINGS_AT_ONCE, name="picture")
         self._selecting = Turns(1, name="select")  # it computes for seconds
-        self._selections = FairRoom(MAX_SELECTIONS)
+        self._selections = Selections(config.options)
+        self._waiting_selections = FairRoom(MAX_SELECTIONS)
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
+        self.keeper = Keeper(
+            config.options,
+            on_set_aside=self._set_aside,
+            may_work=lambda: self.queue.at_rest,
+            most_automatic=config.most_automatic,
+        )
         self.guidance = GuidanceWorker(
             config.options,
             on_new=self._tell_guidance,
@@ -164,6 +174,7 @@ class _Handlers:
             turns.close()
         self.guidance.close()
         self.queue.close()
+        self.keeper.close()
         self.store.close()
 
     # What is there
@@ -253,34 +264,24 @@ class _Handlers:
 
     async def selection(self, request: Request) -> Response:
         session = self._session(request)
-        try:
-            query = msgspec.convert(dict(request.query_params), wire.SelectionQuery, strict=False)
-        except msgspec.ValidationError as error:
-            raise BadUpload(f"The question is wrong: {error}.", status=400) from error
-        place = self._selections.take(1, device_of(request))
-        try:
-            chosen = await self._selecting.do(
-                device_of(request),
-                session.id,
-                select_captures,
-                session,
-                query,
-                self.config.options,
-            )
-        except DamagedMpi as error:
-            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
-            raise Busy(1) from error
-        finally:
-            place.give_back()
-        return json_response(chosen)
+        query = read_query(request, wire.SelectionQuery)
+        return json_response(await self._selected(request, session, query))
 
     async def guided(self, request: Request) -> Response:
         return json_response(self.guidance.of(self._session(request)))
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
-        files = await self._changing(request, session.id, session.dataset_files)
-        headers = attachment(f"{session.folder.name}.zip")
+        views = read_query(request, wire.DatasetQuery).views
+        if views is None:
+            name = session.folder.name
+            files = await self._changing(request, session.id, session.dataset_files)
+        else:
+            name = f"{session.folder.name}-best"
+            query = wire.SelectionQuery(views=None if views == "auto" else views)
+            selection = await self._selected(request, session, query)
+            files = await self._changing(request, session.id, chosen_files, session, selection)
+        headers = attachment(f"{name}.zip")
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
         zipped = zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
@@ -303,14 +304,14 @@ class _Handlers:
 
     async def upload(self, request: Request) -> Response:
         session = self._session(request)
-        capture_id = id_in_path(request, "capture")
+        capture_id, arrived_s = id_in_path(request, "capture"), session.now_s
         with contextlib.suppress(UnknownCapture):
             return json_response(session.capture(capture_id))
         place = self.queue.reserve(device_of(request), session)
         try:
             body = await read_body(request, self.config.max_upload_bytes)
             capture, created = await self._changing(
-                request, session.id, self._keep, session, capture_id, body
+                request, session.id, self._keep, session, capture_id, body, arrived_s
             )
         except BaseException:
             place.give_back()
@@ -388,6 +389,21 @@ class _Handlers:
 
     # Inside
 
+    async def _selected(
+        self, request: Request, session: OpenSession, query: wire.SelectionQuery
+    ) -> wire.Selection:
+        device = device_of(request)
+        place = self._waiting_selections.take(1, device)
+        try:
+            return await self._selecting.do(
+                device, session.id, self._selections.ask, session, query
+            )
+        except DamagedMpi as error:
+            await self._changing(request, session.id, self.queue.make_again, session, error.capture)
+            raise Busy(1) from error
+        finally:
+            place.give_back()
+
     async def _changing(
         self,
         request: Request,
@@ -400,12 +416,12 @@ class _Handlers:
         return await self._storing.do(device_of(request), session_id, change, *args, **kwargs)
 
     def _keep(
-        self, session: OpenSession, capture_id: str, body: bytearray
+        self, session: OpenSession, capture_id: str, body: bytearray, arrived_s: float
     ) -> tuple[wire.Capture, bool]:
         """Store an upload that is admitted; return it, and whether it is new (in a thread)."""
         self.admission.to_add(session.id)
         upload = parse_upload(body, keep_exif=self.config.keep_exif)
-        return session.store_capture(capture_id, upload)
+        return session.store_capture(capture_id, upload, arrived_s=arrived_s)
 
     def _made(self, session: OpenSession, capture: wire.Capture) -> None:
         """Tell that an MPI is ready, then write what may come later (in a worker thread)."""
@@ -413,9 +429,18 @@ class _Handlers:
         self.guidance.want(session)
         if self.queue.idle:  # otherwise the next one does it
             session.refresh_dataset()
+        if capture.automatic:
+            self.keeper.look(session)
+
+    def _set_aside(self, session: OpenSession, capture: wire.Capture) -> None:
+        """Tell that a view was set aside by the program (in its thread)."""
+        self._tell_capture(session, capture)
+        session.refresh_dataset()
 
     def _erased(self, session_id: str) -> None:
         """End the streams of a session that is erased: who listened asks again, and hears of it."""
+        self._selections.forget(session_id)
+        self.keeper.forget(session_id)
         self.hub.end(session_id)
         self.guidance.forget(session_id)
         self.hub.send(SERVER, self._list())
@@ -569,6 +594,8 @@ def _handlers(root: Path) -> Mapping[Any, Any]:
             return problem(410, str(error), kind="erased" if error.final else "deleted")
         if isinstance(error, NotAdmitted):
             return problem(403, str(error), kind="not-admitted")
+        if isinstance(error, SessionClosed):
+            return problem(409, str(error), kind="finished")
         if isinstance(error, NotRestorable):
             return problem(409, str(error))
         if isinstance(error, DiskFull):

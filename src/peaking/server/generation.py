@@ -90,6 +90,7 @@ class GenerationQueue:
         self._better: FairQueue[Waiting] = FairQueue()
         self._short_of_room: queue.SimpleQueue[Waiting] = queue.SimpleQueue()
         self._disk_full = False
+        self._serving: set[int] = set()
         self._attempts = Attempts()
         self._warm_up = warm_up
         self._fast = replace(options, generator=FAST)
@@ -117,6 +118,11 @@ class GenerationQueue:
     def idle(self) -> bool:
         """Whether nothing waits."""
         return self._waiting.empty
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no capture is on its way, waits or has its MPI made at once."""
+        return self.room.taken == 0 and self.idle and not self._serving
 
     def reserve(self, device: str, session: OpenSession) -> Share:
         """Take a place for a capture that is on its way; for the thread of the event loop.
@@ -158,7 +164,16 @@ class GenerationQueue:
     def _work(self) -> None:
         builder = ViewBuilder(self._fast, estimator=self._estimator)
         self._warm_up.run(builder)
-        _serve_all(self._next, lambda item: self._serve(builder, item))
+        this = threading.get_ident()
+
+        def serve(item: Waiting) -> None:
+            self._serving.add(this)
+            try:
+                self._serve(builder, item)
+            finally:
+                self._serving.discard(this)
+
+        _serve_all(self._next, serve)
 
     def _next(self) -> Waiting | None:
         """Wait for a capture; when none comes, take one that the disk had no room for."""

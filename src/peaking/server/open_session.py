@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import msgspec
@@ -52,6 +52,17 @@ class SessionGone(PeakingError):
         """Say which of the two."""
         super().__init__(ERASED if final else DELETED)
         self.final = final
+
+
+class SessionClosed(PeakingError):
+    """The session is finished, and a photo was taken after that."""
+
+    def __init__(self) -> None:
+        """Say what to do."""
+        super().__init__(
+            "The session is finished and takes no photo that was taken after that. Choose "
+            '"Take more views" in it, then send this one again.'
+        )
 
 
 class NotRestorable(PeakingError):
@@ -118,6 +129,11 @@ class OpenSession:
         return self._state.deleted_s
 
     @property
+    def now_s(self) -> float:
+        """The time of its clock, seconds since 1970."""
+        return self._clock()
+
+    @property
     def folder(self) -> Path:
         """Where it lies."""
         return self._files.folder
@@ -149,7 +165,7 @@ class OpenSession:
     def summary(self, *, live: bool = False) -> wire.SessionSummary:
         """Return the line of the list of sessions."""
         begun = self._state.begun
-        kept = [capture for capture in self.captures if not capture.removed]
+        kept = self._kept()
         return wire.SessionSummary(
             id=self.id,
             name=self.name,
@@ -157,7 +173,7 @@ class OpenSession:
             source=begun.session.source,
             device=begun.session.device,
             created_s=begun.at_s,
-            finished=self._state.finished,
+            finished=self._state.finished_s is not None,
             captures=len(kept),
             ready=sum(capture.state == "ready" for capture in kept),
             peaked_share=self._samples.last,
@@ -229,19 +245,24 @@ class OpenSession:
             with contextlib.suppress(DiskFull), room_explained():
                 self._files.keep_thumbnail(capture, data)
 
-    def dataset_files(self) -> list[tuple[str, Path | bytes]]:
+    def dataset_files(
+        self, *, only: Collection[str] | None = None
+    ) -> list[tuple[str, Path | bytes]]:
         """Return names and contents of the data set, without what was undone or set aside.
+
+        Args:
+            only: Ids of the captures that are to be in it; all without it.
 
         Raises:
             SessionGone: The session is deleted.
         """
         with self._lock:
             self._refuse_gone()
-            files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms())]
-            for capture in self.captures:
-                if not capture.removed:
-                    names = self._state.files(capture)
-                    files += [(name, self._files.path(capture, name)) for name in names]
+            kept = [c for c in self._kept() if only is None or c.id in only]
+            files: list[tuple[str, Path | bytes]] = [(TRANSFORMS, self._transforms(kept))]
+            for capture in kept:
+                names = self._state.files(capture)
+                files += [(name, self._files.path(capture, name)) for name in names]
             return files
 
     def peaked(self) -> list[wire.PeakedSample]:
@@ -250,11 +271,19 @@ class OpenSession:
 
     # Changing
 
-    def store_capture(self, capture_id: str, upload: Upload) -> tuple[wire.Capture, bool]:
+    def store_capture(
+        self, capture_id: str, upload: Upload, *, arrived_s: float | None = None
+    ) -> tuple[wire.Capture, bool]:
         """Keep a capture; return it, and whether it is new. On the disk when this returns.
+
+        Args:
+            capture_id: Made by the client.
+            upload: What it sent.
+            arrived_s: When that began to arrive, by the clock of this session; now without it.
 
         Raises:
             SessionGone: The session is deleted.
+            SessionClosed: The session is finished, and this was taken later.
             BadUpload: It was taken back before, and more is not known of it.
             DiskFull: There is no room.
             OSError: The disk fails in another way.
@@ -265,6 +294,9 @@ class OpenSession:
                 return self.capture(capture_id), False
             if capture_id in self._state.taken_ids:
                 raise BadUpload("This photo was taken back before.")
+            taken_s = upload.taken_s(self._clock() if arrived_s is None else arrived_s)
+            if self._state.finished_s is not None and taken_s > self._state.finished_s:
+                raise SessionClosed
             number = self._state.number + 1
             header = upload.header
             stored = session_log.CaptureStored(
@@ -276,6 +308,7 @@ class OpenSession:
                 depth=upload.depth_mm is not None,
                 points=upload.points_m is not None,
                 corrected_world_from_cam=header.corrected_world_from_cam,
+                automatic=header.automatic,
             )
             files = {photo_name(number): upload.photo}
             if upload.depth_mm is not None:
@@ -425,7 +458,7 @@ class OpenSession:
         """
         with self._lock:
             self._refuse_gone()
-            if finished == self._state.finished:
+            if finished == (self._state.finished_s is not None):
                 return
             self._note(session_log.SessionFinished(at_s=self._clock(), finished=finished))
             for capture in self.captures:
@@ -475,7 +508,7 @@ class OpenSession:
         On a full disk the old one stays until the next time: it follows from the log.
         """
         with self._lock:
-            path, wanted = self.folder / TRANSFORMS, self._transforms()
+            path, wanted = self.folder / TRANSFORMS, self._transforms(self._kept())
             if self._erased or (path.is_file() and path.read_bytes() == wanted):
                 return
             try:
@@ -546,12 +579,14 @@ class OpenSession:
     def _place(self, capture: wire.Capture) -> None:
         self._files.place(capture, self._state.files(capture))
 
-    def _transforms(self) -> bytes:
-        kept = [c for c in self.captures if not c.removed]
-        for capture in kept:
+    def _kept(self) -> list[wire.Capture]:
+        return [capture for capture in self.captures if not capture.removed]
+
+    def _transforms(self, captures: Sequence[wire.Capture]) -> bytes:
+        for capture in captures:
             if capture.id not in self._entries:
                 self._entries[capture.id] = frame_json(capture, self._state.files(capture))
-        return transforms_json(self._entries[capture.id] for capture in kept)
+        return transforms_json(self._entries[capture.id] for capture in captures)
 
 
 def _spread(captures: Sequence[wire.Capture], count: int) -> list[wire.Capture]:

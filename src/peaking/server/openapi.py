@@ -83,7 +83,14 @@ OPERATIONS = (
         query=tuple(wire.SelectionQuery.__struct_fields__),
     ),
     Operation("get", _SESSION + "/guidance", "Where next, and what is left", wire.Guidance),
-    Operation("get", _SESSION + "/dataset.zip", "The data set", bytes, media="application/zip"),
+    Operation(
+        "get",
+        _SESSION + "/dataset.zip",
+        "The data set, or that of the best captures",
+        bytes,
+        query=tuple(wire.DatasetQuery.__struct_fields__),
+        media="application/zip",
+    ),
     Operation("put", _CAPTURE, "Upload a capture", wire.Capture, bytes, status=201),
     Operation("delete", _CAPTURE, "Undo a capture", wire.Capture),
     Operation(

@@ -78,6 +78,18 @@ def id_in_path(request: Request, name: str) -> str:
         raise HTTPException(404, f"This is not a valid {name} id.") from None
 
 
+def read_query(request: Request, kind: type[T]) -> T:
+    """Read what is asked after the question mark as `kind`.
+
+    Raises:
+        BadUpload: It is not valid.
+    """
+    try:
+        return msgspec.convert(dict(request.query_params), kind, strict=False)
+    except msgspec.ValidationError as error:
+        raise BadUpload(f"The question is wrong: {error}.", status=400) from error
+
+
 async def read_json(request: Request, kind: type[T], *, status: int = 422) -> T:
     """Read a body of JSON as `kind`.
 

@@ -53,6 +53,8 @@ class CaptureStored(Event, frozen=True, tag="CaptureStored"):
     points: bool = False
     corrected_world_from_cam: wire.Pose | None = None
     """Where the phone found that the photo was taken, beside what it says in `camera`."""
+    automatic: bool = False
+    """Taken by an automatic shutter."""
 
 
 class CaptureRemoved(Event, frozen=True, tag="CaptureRemoved"):
@@ -101,7 +103,10 @@ class SessionNamed(Event, frozen=True, tag="SessionNamed"):
 
 
 class SessionFinished(Event, frozen=True, tag="SessionFinished"):
-    """Was finished, or opened again. What was undone before it was finished cannot be restored."""
+    """Was finished, or opened again. What was undone before it was finished cannot be restored.
+
+    Photos that were taken after `at_s` are not taken in while it is finished.
+    """
 
     finished: bool
 

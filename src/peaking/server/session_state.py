@@ -37,7 +37,7 @@ class SessionState:
     Attributes:
         begun: How it began.
         name: Its name.
-        finished: Whether the photographer has finished it.
+        finished_s: When the photographer finished it, seconds since 1970; None while it goes on.
         deleted_s: When it was deleted, seconds since 1970; None while it is not.
         captures: By id, in the order they arrived, removed ones too.
         number: The highest that a capture was given; none is given twice.
@@ -49,7 +49,7 @@ class SessionState:
         """Begin without captures."""
         self.begun = begun
         self.name = begun.session.name
-        self.finished = False
+        self.finished_s: float | None = None
         self.deleted_s: float | None = None
         self.captures: Mapping[str, wire.Capture] = {}
         self.number = 0
@@ -129,24 +129,22 @@ class SessionState:
                     time_s=event.time_s,
                     state="queued",
                     corrected_world_from_cam=event.corrected_world_from_cam,
+                    automatic=event.automatic,
                 )
                 sent = ((photo_name, True), (depth_name, event.depth), (points_name, event.points))
                 self._files[event.id] = [name_of(event.number) for name_of, there in sent if there]
                 self.captures = {**self.captures, event.id: capture}
             case session_log.CaptureRemoved():
                 before = self.capture(event.id)
-                self.change(
-                    event.id,
-                    removed=True,
-                    ending="undone",
-                    restorable=not self.finished and (before.restorable or not before.removed),
-                )
+                there = before.restorable or not before.removed
+                restorable = self.finished_s is None and there
+                self.change(event.id, removed=True, ending="undone", restorable=restorable)
             case session_log.CaptureSetAside():
                 self.change(event.id, removed=True, ending="set_aside", restorable=True)
                 self._set_aside.pop(event.id, None)
                 self._set_aside[event.id] = None
             case session_log.CaptureRestored():
-                self.change(event.id, removed=False, ending=None, restorable=False)
+                self.change(event.id, removed=False, ending=None, restorable=False, automatic=False)
             case session_log.CaptureDropped():
                 self.change(event.id, restorable=False)
             case session_log.CaptureErased():
@@ -161,7 +159,7 @@ class SessionState:
             case session_log.SessionNamed():
                 self.name = event.name
             case session_log.SessionFinished():
-                self.finished = event.finished
+                self.finished_s = event.at_s if event.finished else None
                 undone = [c.id for c in self.captures.values() if c.ending == "undone"]
                 for capture_id in undone if event.finished else ():
                     self.change(capture_id, restorable=False)

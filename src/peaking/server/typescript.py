@@ -24,6 +24,7 @@ RECEIVED = (
     wire.SessionEvent,
     wire.ServerEvent,
     wire.PeakedSamples,
+    wire.Selection,
     wire.Guidance,
     wire.RecordingIndex,
     wire.Paired,

@@ -80,6 +80,14 @@ class Upload:
     depth_mm: UInt16[np.ndarray, "h w"] | None
     points_m: Float32[np.ndarray, "n 3"] | None = None
 
+    def taken_s(self, arrived_s: float) -> float:
+        """Return when the photo was taken, by the clock that says when it began to arrive.
+
+        Clients that do not say when they sent it are believed in what their own clock says.
+        """
+        sent_s, time_s = self.header.sent_s, self.header.time_s
+        return time_s if sent_s is None else arrived_s - max(0.0, sent_s - time_s)
+
 
 def parse_upload(body: bytes | bytearray, *, keep_exif: bool = False) -> Upload:
     """Take an upload apart.

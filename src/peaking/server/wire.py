@@ -144,6 +144,11 @@ class CaptureHeader(Struct, frozen=True):
     """How many tracked points follow: x, y, z in the world, metres, little-endian float32 each."""
     corrected_world_from_cam: Pose | None = None
     """Where the picture shows that it was taken, beside what the device says in `camera`."""
+    sent_s: Annotated[float, Meta(ge=0, le=1e11)] | None = None
+    """When this was sent, by the clock of `time_s`: so the server knows how long ago it was taken,
+    whatever that clock says."""
+    automatic: bool = False
+    """Taken by an automatic shutter: the program may set it aside."""
 
 
 class Capture(Struct, frozen=True):
@@ -172,6 +177,8 @@ class Capture(Struct, frozen=True):
     """Removed, and PATCH can bring it back."""
     corrected_world_from_cam: Pose | None = None
     """Where the phone found that it was taken; a suggestion beside `camera`."""
+    automatic: bool = False
+    """Taken by an automatic shutter, and never brought back: the program may set it aside."""
 
 
 class CaptureChange(Struct, frozen=True):
@@ -185,7 +192,8 @@ class SelectionQuery(Struct, frozen=True):
 
     policy: method.PolicyName = "peaking"
     views: Annotated[int, Meta(ge=1, le=100_000)] | None = None
-    """How many; every policy needs it but `all`, `threshold` and `plenoptic`."""
+    """How many; every policy needs it but `peaking`, which then keeps as many as are enough, `all`,
+    `threshold` and `plenoptic`."""
     threshold_share: Annotated[float, Meta(ge=0, lt=1)] = method.PAPER_PEAKED_SHARE
     """Of `threshold` without a number: the peaked share above which a view is taken."""
     spacing_m: Positive | None = None
@@ -205,6 +213,20 @@ class CaptureDecision(Struct, frozen=True):
     worth_db: float | None = None
     """Of a view that `peaking` keeps: how much worse the mean PSNR of all captures would be without
     it, each shown by the others."""
+    sharpness: float | None = None
+    """Over that of the captures from nearby: 1 is as sharp as these."""
+    brightness: float | None = None
+    """Over that of the captures from nearby."""
+    faults: list[Literal["blurred", "brighter", "darker"]] = []
+    """What is wrong with it beside the captures from nearby."""
+
+
+class CurvePoint(Struct, frozen=True):
+    """How well a number of views shows the captures."""
+
+    num_views: int
+    psnr_db: float
+    """Predicted: mean PSNR of all captures, each shown by the best so many others."""
 
 
 class Selection(Struct, frozen=True):
@@ -215,6 +237,17 @@ class Selection(Struct, frozen=True):
 
     policy: method.PolicyName
     captures: list[CaptureDecision]
+    curve: list[CurvePoint] = []
+    """By `peaking`, in rising number of views."""
+    enough: int | None = None
+    """By `peaking` without a number of views: twice as many would bring less than 1 dB."""
+
+
+class DatasetQuery(Struct, frozen=True):
+    """What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark."""
+
+    views: Annotated[int, Meta(ge=1, le=100_000)] | Literal["auto"] | None = None
+    """The best so many, or as many as are enough, with selection.csv; all without it."""
 
 
 Verdict = Literal["go on", "enough", "no more help"]
@@ -278,7 +311,8 @@ class SessionChange(Struct, frozen=True):
 
     name: Name | None = None
     finished: bool | None = None
-    """True also deletes the photos that were undone: until then they can be brought back."""
+    """True: no photo that is taken from now on is taken in until it is false again, and those that
+    were undone are deleted; until then they can be brought back."""
     deleted: bool | None = None
     """True deletes the whole session, for 30 days until it is erased; false brings it back."""
 

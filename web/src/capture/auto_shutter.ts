@@ -3,11 +3,18 @@
  * sees. It takes more than are needed; which of them are kept is chosen later, from all of them.
  */
 
+import type { PictureFault } from './picture_gate';
+
+/** What keeps the shutter from working, where it can be said in a word. */
+export type AutoHindrance = 'too-fast' | 'tracking-lost' | 'no-depth' | 'busy' | 'other';
+
 /** What it goes by. The object may be used again for the next frame. */
 export interface AutoMoment {
   readonly time_ms: number;
-  /** The shutter works: tracked, with a picture and depth, not too fast. */
-  readonly canShoot: boolean;
+  /** Null: the shutter works. */
+  readonly hindrance: AutoHindrance | null;
+  /** What is wrong with the picture. */
+  readonly fault: PictureFault | null;
   readonly steady: boolean;
   readonly views: number;
   /** Of these, whose MPI takes part already. */
@@ -17,11 +24,18 @@ export interface AutoMoment {
 }
 
 /** Why it does not take a view now. */
-export type AutoWait = 'first-view' | 'shutter' | 'unsteady' | 'on-its-way' | 'nothing-new';
+export type AutoWait = 'first-view' | 'unsteady' | 'on-its-way' | 'nothing-new' | AutoHindrance | PictureFault;
 
 export const AUTO_WAITS: Readonly<Record<AutoWait, string>> = {
   'first-view': 'Auto: begins after your first view',
-  shutter: 'Auto: waits',
+  'too-fast': 'Auto: too fast',
+  'tracking-lost': 'Auto: tracking is lost',
+  'no-depth': 'Auto: no depth yet',
+  busy: 'Auto: takes a view',
+  other: 'Auto: waits',
+  blurred: 'Auto: blurred, hold still',
+  'too-dark': 'Auto: too dark',
+  'too-bright': 'Auto: too bright',
   unsteady: 'Auto: hold still for a moment',
   'on-its-way': 'Auto: looking at the last view',
   'nothing-new': 'Auto: nothing new from here',
@@ -65,12 +79,14 @@ export class AutoShutter {
     return this.waits === null ? AUTO_TAKES : AUTO_WAITS[this.waits];
   }
 
-  #wait({ time_ms, canShoot, steady, views, ready, peakedShare }: AutoMoment): AutoWait | null {
+  #wait(
+    { time_ms, hindrance, fault, steady, views, ready, peakedShare }: AutoMoment,
+  ): AutoWait | null {
     if (views === 0) return 'first-view';
-    if (!canShoot) return 'shutter';
+    if (hindrance !== null) return hindrance;
     // Until it takes part, what it shows would be taken again.
     if (ready < views && time_ms - this.#takenAt_ms < PATIENCE_MS) return 'on-its-way';
     if (peakedShare === null || peakedShare < WORTH_SHARE) return 'nothing-new';
-    return steady ? null : 'unsteady';
+    return fault ?? (steady ? null : 'unsteady');
   }
 }

@@ -27,6 +27,8 @@ export interface StoredCapture {
   readonly correctedPose?: readonly number[] | null;
   /** Seconds since 1970. */
   readonly time_s: number;
+  /** Taken by the automatic shutter; earlier versions had none. */
+  readonly automatic?: boolean;
   readonly state: StoredState;
   /** How often it was begun to be sent; written before the first byte goes out. */
   readonly attempts: number;

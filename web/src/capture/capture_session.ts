@@ -7,7 +7,7 @@ import { wireOfCamera } from '../geometry';
 import { ApiError, type Api } from '../server/api';
 import { sessionEvents, type Connection } from '../server/events';
 import type { Pacing } from '../server/pacing';
-import type { Capture, NewSession, PeakedSample } from '../wire';
+import type { Capture, NewSession, PeakedSample, Selection } from '../wire';
 import { askToPersist, type CaptureDb } from './capture_db';
 import {
   listsTheSame, NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf, type CaptureAction, type CapturedView,
@@ -78,6 +78,8 @@ export class CaptureSession implements Disposable {
   #waitingElsewhere = 0;
   #pendingName: string | null = null;
   #finished: SessionSnapshot['finished'] = 'no';
+  /** It goes on, and the server may not know it yet. */
+  #reopening = false;
   #snapshot: SessionSnapshot;
   /** What `views` and `restorable` of the snapshot were listed from. */
   #listed: CaptureState | null = null;
@@ -113,6 +115,7 @@ export class CaptureSession implements Disposable {
     const session = new CaptureSession(id, options);
     session.#pendingName = known?.pending?.name ?? null;
     if (known?.pending?.finished === true) session.#finished = 'pending';
+    session.#reopening = known?.pending?.finished === false;
     await session.#readLocals();
     session.#start();
     return session;
@@ -124,10 +127,6 @@ export class CaptureSession implements Disposable {
 
   get views(): readonly CapturedView[] {
     return this.#snapshot.views;
-  }
-
-  get datasetUrl(): string {
-    return this.options.api.datasetUrl(this.id);
   }
 
   /** Called at once and then at every change. @returns Call it to stop. */
@@ -152,6 +151,7 @@ export class CaptureSession implements Disposable {
       correctedPose: photo.correctedWorldFromCam == null ? null
         : Array.from(photo.correctedWorldFromCam.rows),
       time_s: photo.time_s,
+      automatic: photo.automatic ?? false,
       state: 'waiting',
       attempts: 0,
       problem: null,
@@ -214,7 +214,37 @@ export class CaptureSession implements Disposable {
   async finish(name: string | null = null): Promise<void> {
     this.#finished = 'pending';
     settingsOf(this.options)?.removeItem(CURRENT_SESSION);
+    this.#reopening = false;
     await this.#change({ ...(name !== null && { name }), finished: true });
+  }
+
+  /** Take views again after the end: the server is told before it gets any. */
+  async reopen(): Promise<void> {
+    const { db } = this.options;
+    this.#finished = 'no';
+    this.#reopening = true;
+    settingsOf(this.options)?.setItem(CURRENT_SESSION, this.id);
+    if (await db.session(this.id) === null) {
+      await db.putSession({ ...newSession(this.id, this.options), begun: true });
+    }
+    await this.#change({ finished: false });
+  }
+
+  /** What was got, and how many of the views are enough. @throws ApiError */
+  selection(signal?: AbortSignal): Promise<Selection> {
+    return this.options.api.selection(this.id, signal);
+  }
+
+  /**
+   * Have the data set of the best so many views made ready, or of all.
+   *
+   * @returns Where it is.
+   * @throws ApiError
+   */
+  async dataset(views: number | null): Promise<string> {
+    const { api } = this.options;
+    await api.prepareDataset(this.id, views);
+    return api.datasetUrl(this.id, views);
   }
 
   /** Whether `reportPeaked` would take a sample of this moment, seconds since 1970. */
@@ -269,6 +299,7 @@ export class CaptureSession implements Disposable {
         this.#finished = 'yes';
         this.#publish();
       },
+      onReopened: (id) => { if (id === this.id) this.#reopened(); },
       onErased: (id) => { if (id === this.id) this.#erased(); },
     };
   }
@@ -298,12 +329,27 @@ export class CaptureSession implements Disposable {
 
   /** News of the server; what was undone here and is alive there is undone again. */
   #heard(action: CaptureAction): void {
+    const before = this.#state.summary?.finished;
     this.#apply(action);
     for (const id of risenOf(this.#state)) void this.undo(id);
-    if (this.#state.summary?.finished === true && this.#finished === 'no') {
+    if (this.#reopening) return;
+    const after = this.#state.summary?.finished;
+    if (after === true && this.#finished === 'no') {
       this.#finished = 'yes';
       this.#publish();
+    } else if (before === true && after === false && this.#finished === 'yes') {
+      this.#finished = 'no';
+      this.#reopened();
     }
+  }
+
+  /** What was taken after the end, and refused for that, is sent again. */
+  #reopened(): void {
+    this.#reopening = false;
+    this.#publish();
+    void this.options.db.captures(this.id).then((captures) => {
+      for (const { id, state } of captures) if (state === 'failed') void this.retry(id);
+    });
   }
 
   async #change(change: { name?: string; finished?: boolean }): Promise<void> {

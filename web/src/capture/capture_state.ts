@@ -32,6 +32,8 @@ export interface CapturedView {
   readonly time_s: number;
   /** The photo is on the server's disk. */
   readonly onServer: boolean;
+  /** The program took it out of the data set, since others show the same. */
+  readonly setAside: boolean;
 }
 
 export interface CaptureState {
@@ -137,6 +139,7 @@ function listOf(
       camera,
       time_s,
       onServer: remote !== undefined || local?.state === 'stored',
+      setAside: remote?.ending === 'set_aside',
     });
   }
   return views.sort((a, b) => a.time_s - b.time_s || (a.id < b.id ? -1 : 1));

@@ -22,6 +22,8 @@ export interface CapturedPhoto {
   readonly time_s: number;
   /** Where the picture shows that it was taken, beside what the device says; null when nobody knows. */
   readonly correctedWorldFromCam?: Rigid<World, Cam> | null;
+  /** Taken by the automatic shutter. */
+  readonly automatic?: boolean;
 }
 
 /** A sentence for the photographer: why there is no photo. */

@@ -10,6 +10,9 @@ export interface UploadParts {
   readonly correctedPose?: readonly number[] | null;
   /** Seconds since 1970. */
   readonly time_s: number;
+  /** Now, by the same clock. */
+  readonly sent_s: number;
+  readonly automatic?: boolean;
   readonly jpeg: Blob;
   readonly depth: DepthMap | null;
 }
@@ -19,14 +22,18 @@ export interface UploadParts {
  *
  * @throws RangeError The depth map has not as many values as it says.
  */
-export function uploadBody({ camera, correctedPose, time_s, jpeg, depth }: UploadParts): Blob {
+export function uploadBody(
+  { camera, correctedPose, time_s, sent_s, automatic, jpeg, depth }: UploadParts,
+): Blob {
   const header: CaptureHeader = {
     protocol: PROTOCOL,
     camera,
     time_s,
+    sent_s,
     photo_bytes: jpeg.size,
     depth: depth === null ? null : { width_px: depth.width_px, height_px: depth.height_px },
     ...(correctedPose == null ? {} : { corrected_world_from_cam: correctedPose }),
+    ...(automatic === true ? { automatic } : {}),
   };
   const json = new TextEncoder().encode(JSON.stringify(header));
   const length = new DataView(new ArrayBuffer(4));

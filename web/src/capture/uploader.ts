@@ -24,6 +24,8 @@ export interface UploaderListener {
   onTrouble(problem: string | null): void;
   /** The server has the end of this session, and all its photos. */
   onFinished(sessionId: string): void;
+  /** The server knows that this session goes on. */
+  onReopened(sessionId: string): void;
   /** The session was erased on the server: this device holds nothing of it any more. */
   onErased(sessionId: string): void;
 }
@@ -33,6 +35,8 @@ export interface UploaderOptions {
   readonly locks?: Pick<LockManager, 'request'> | null;
   /** Fires `online`; a window. */
   readonly network?: EventTarget | null;
+  /** Seconds since 1970, by the clock that photos are taken by. */
+  readonly clock_s?: () => number;
 }
 
 /** What ends a rest early. */
@@ -55,6 +59,7 @@ export class Uploader {
   readonly #pacing: Pacing;
   readonly #locks: Pick<LockManager, 'request'> | null;
   readonly #network: EventTarget | null;
+  readonly #clock_s: () => number;
   readonly #end = new AbortController();
   #rest = new AbortController();
   #restEndsBy: EndsBy = 'anything';
@@ -75,6 +80,7 @@ export class Uploader {
     this.#locks = options.locks === undefined
       ? globalThis.navigator?.locks ?? null : options.locks;
     this.#network = options.network === undefined ? globalThis : options.network;
+    this.#clock_s = options.clock_s ?? (() => Date.now() / 1000);
   }
 
   /** Works until `stop()`; then resolves. */
@@ -146,11 +152,14 @@ export class Uploader {
     const removing = captures.find(({ state }) => state === 'removing');
     const waiting = this.#next(captures);
     const sessions = await this.db.sessions();
+    // A finished session takes no photo: that it goes on is said first.
+    const reopened = sessions.find(({ begun, pending }) => begun && pending?.finished === false);
     const next = removing ?? waiting;
     const toBegin = sessions.find(({ id, begun }) => !begun
       && id === (next?.sessionId ?? this.currentSessionId));
     try {
       if (toBegin !== undefined) await this.#begin(toBegin);
+      else if (reopened !== undefined) await this.#tell(reopened);
       else if (removing !== undefined) await this.#remove(removing);
       else if (waiting !== null) await this.#upload(waiting);
       else {
@@ -223,7 +232,8 @@ export class Uploader {
     this.listener.onUploading(id);
     try {
       const answer = await this.api.uploadCapture(
-        sessionId, id, uploadBody({ ...capture, jpeg, depth: photo.depth }), this.#end.signal);
+        sessionId, id, uploadBody({ ...capture, sent_s: this.#clock_s(), jpeg, depth: photo.depth }),
+        this.#end.signal);
       await this.db.acknowledge(id);
       this.#serverFailed.delete(id);
       this.#begunAgain.delete(sessionId);
@@ -256,6 +266,7 @@ export class Uploader {
     await this.db.changeSession(id, (now) =>
       ({ ...now, pending: now.pending === null || sameChange(now.pending, pending)
         ? null : now.pending }));
+    if (pending.finished === false) this.listener.onReopened(id);
     if (pending.finished !== true) return;
     await this.db.forgetSession(id);
     this.listener.onFinished(id);

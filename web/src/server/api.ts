@@ -6,10 +6,10 @@
 import { integer, parseJson, parseKept, record, SchemaError, type Schema } from '../schema';
 import {
   captureSchema, guidanceSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
-  problemSchema, PROTOCOL, recordingIndexSchema, serverInfoSchema, sessionSchema,
+  problemSchema, PROTOCOL, recordingIndexSchema, selectionSchema, serverInfoSchema, sessionSchema,
   sessionSummarySchema, type Capture, type CaptureChange, type Guidance, type NewSession, type Paired,
   type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
-  type RecordingIndex, type ServerInfo, type Session,
+  type RecordingIndex, type Selection, type ServerInfo, type Session,
   type SessionChange, type SessionSummary,
 } from '../wire';
 import { thisDevice, type ThisDevice } from './this_device';
@@ -257,8 +257,19 @@ export class Api {
     return this.#url(`${capturePath(sessionId, captureId)}/thumbnail`);
   }
 
-  datasetUrl(sessionId: string): string {
-    return this.#url(`${sessionPath(sessionId)}/dataset.zip`);
+  /** @param views The best so many, or as many as are enough; null: all. */
+  datasetUrl(sessionId: string, views: number | 'auto' | null = null): string {
+    return this.#url(datasetPath(sessionId, views));
+  }
+
+  /** Have a data set made ready, so that it comes at once. */
+  async prepareDataset(sessionId: string, views: number | 'auto' | null): Promise<void> {
+    await this.#ask('HEAD', datasetPath(sessionId, views), { bulk: true });
+  }
+
+  /** How good the captures are, and how many of them are enough: seconds, the first time. */
+  selection(sessionId: string, signal?: AbortSignal): Promise<Selection> {
+    return this.#json('GET', `${sessionPath(sessionId)}/selection`, selectionSchema, { bulk: true, signal });
   }
 
   #url(path: string): string {
@@ -360,6 +371,10 @@ function capturePath(sessionId: string, captureId: string): string {
   return `${sessionPath(sessionId)}/captures/${encodeURIComponent(captureId)}`;
 }
 
+function datasetPath(sessionId: string, views: number | 'auto' | null): string {
+  return `${sessionPath(sessionId)}/dataset.zip${views === null ? '' : `?views=${views}`}`;
+}
+
 function recordingPath(name: string): string {
   return `/recordings/${encodeURIComponent(name)}`;
 }
@@ -391,6 +406,7 @@ function sentenceOf(status: number): string {
     case 429: return 'The server asks to wait a moment.';
     case 404: return 'The server does not have this page or file.';
     case 413: return 'The photo is too large for the server.';
+    case 503: return 'The server is busy. Try again in a moment.';
     case 507: return "The server's disk is full.";
     default: return `The server answered with status ${status}, without an explanation.`;
   }

@@ -102,13 +102,13 @@ function drawnAnew(id: string, children: readonly HTMLElement[]): void {
 }
 
 function itemOf(summary: SessionSummary): HTMLElement {
-  const { id, name, live, captures, restorable = 0 } = summary;
+  const { id, name, live, captures, finished, restorable = 0 } = summary;
   const marked = summary.peaked_share === null ? '' : ` · ${percent(summary.peaked_share)} marked`;
   const what = captures > 0 ? `${viewsText(captures)}${marked}`
     : restorable > 0 ? `${viewsText(restorable)} taken back` : 'no view that can be read';
   const item = make('button', { type: 'button', onclick: () => { location.hash = id; } },
     make('b', { className: live ? 'live' : '' }, name),
-    make('span', { className: 'quiet' }, `${what} · ${whenOf(summary)}`),
+    make('span', { className: 'quiet' }, `${what}${finished ? ' · finished' : ''} · ${whenOf(summary)}`),
     thumbnailsOf(summary));
   item.setAttribute('aria-current', String(id === shown?.id));
   return item;
@@ -240,7 +240,7 @@ function drawDetail(): void {
   }, make('img', { src: api.thumbnailUrl(id, capture.id), alt: `View ${capture.number}`, loading: 'lazy' }),
   make('span', {}, String(capture.number))));
   const undone = captures.filter(({ restorable }) => restorable === true).map((capture) =>
-    button(`Bring back view ${capture.number}`, () =>
+    button(`Bring back view ${capture.number}${capture.ending === 'set_aside' ? ', set aside' : ''}`, () =>
       void api.restoreCapture(id, capture.id).catch(failed)));
   detail.replaceChildren(
     make('a', { className: 'button back', href: '#' }, 'All sessions'),
@@ -250,8 +250,12 @@ function drawDetail(): void {
     make('div', { className: 'row' },
       make('a', { className: 'button primary', href: api.datasetUrl(id), download: '' },
         'Download the data set'),
-      make('a', { className: 'button', href: `./?source=${summary.source === 'other' ? 'virtual'
-        : summary.source}&session=${id}` }, 'Continue capturing'), rename, remove),
+      ...(summary.ready < 2 ? [] : [make('a', {
+        className: 'button', href: api.datasetUrl(id, 'auto'), download: '',
+        title: 'As many views as show nearly what all do',
+      }, 'Download the best')]),
+      summary.finished ? button('Take more views', () => void takeMore(summary))
+        : make('a', { className: 'button', href: capturePage(summary) }, 'Continue capturing'), rename, remove),
     ...(summary.damaged ? [make('p', { className: 'quiet problem' }, `${summary.damaged} records of this `
       + 'session are damaged on the disk and were left out. The server names them when it starts.')] : []),
     make('div', { className: 'cards' },
@@ -263,6 +267,16 @@ function drawDetail(): void {
       make('div', { className: 'row undone' }, ...undone)] : []),
   );
   drawCharts();
+}
+
+function capturePage({ id, source }: SessionSummary): string {
+  return `./?source=${source === 'other' ? 'virtual' : source}&session=${id}`;
+}
+
+/** A finished session takes no views until one says so. */
+async function takeMore(summary: SessionSummary): Promise<void> {
+  await api.changeSession(summary.id, { finished: false })
+    .then(() => { location.href = capturePage(summary); }, failed);
 }
 
 function whenOf({ created_s }: SessionSummary): string {

@@ -5,14 +5,15 @@ import type { Vector3 } from '../geometry';
 import type { Look, Overlay } from '../render/view_renderer';
 import type { ReplayControls } from '../sources/replay';
 import type { TrackingState } from '../tracking/pose_correction';
-import { Coach, ON_ITS_WAY, TASKS, type CoachMoment } from './coach';
+import { Coach, NUM_TASKS, ON_ITS_WAY, taskOf, type CoachMoment } from './coach';
 import { button, make, say, show } from './dom';
 import { EdgeArrow } from './edge_arrow';
+import { finishSheet } from './finish_sheet';
 import type { HudRules } from './hud_rules';
 import { actionOfKey } from './keys';
 import { PAPER_PERCENT, percent, ShareHistory } from './share_graph';
 import {
-  finishSheet, settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions,
+  settingsSheet, viewsSheet, VIEW_STATES, type Sheet, type SheetActions, type SheetState,
 } from './sheets';
 import { trackingText, viewsText } from './words';
 
@@ -23,8 +24,14 @@ export interface HudActions extends SheetActions {
   undoLast(): void;
 }
 
+/** What can be done about what is said. */
+export interface Offer {
+  readonly label: string;
+  act(): void;
+}
+
 /** The object may be used again for the next frame; `look` and `views` are new when they change. */
-export interface HudState {
+export interface HudState extends SheetState {
   readonly time_ms: number;
   readonly look: Look;
   readonly peakedShare: number | null;
@@ -36,9 +43,6 @@ export interface HudState {
   readonly towards: Vector3 | null;
   /** How far the device's pose is off, as far as is known. */
   readonly tracking: TrackingState;
-  readonly views: readonly CapturedView[];
-  /** Undone, and can be brought back. */
-  readonly restorable: readonly CapturedView[];
   /** What the automatic shutter says of itself; null: it is off. */
   readonly auto: string | null;
   /** A sentence about what hinders, or null. */
@@ -68,6 +72,7 @@ export class Hud {
   readonly #history = new ShareHistory();
   readonly #coach = new Coach();
   readonly #moment: CoachMoment = { views: 0, ready: 0, peakedShare: null };
+  readonly #way: { auto: boolean; readonly isRecording: boolean };
   readonly #share = make('strong', {}, '–');
   readonly #shareName = make('small', {}, 'red');
   readonly #new = make('strong', {}, '–');
@@ -84,7 +89,7 @@ export class Hud {
   readonly #arrow: EdgeArrow;
   readonly #coachTitle = make('b');
   readonly #coachText = make('span');
-  readonly #coachTasks = make('ol', {}, ...TASKS.map(() => make('li')));
+  readonly #coachTasks = make('ol', {}, ...Array.from({ length: NUM_TASKS }, () => make('li')));
   readonly #coachBox: HTMLElement;
   readonly #looks = new Map<Overlay, HTMLButtonElement>();
   readonly #strip = make('div', { className: 'strip' });
@@ -103,6 +108,7 @@ export class Hud {
   #state: HudState | null = null;
   #shownViews: readonly CapturedView[] = [];
   #shownRestorable: readonly CapturedView[] = [];
+  #shownOver = false;
   #shownLook: Look | null = null;
   #numberAt_ms = -Infinity;
 
@@ -112,6 +118,7 @@ export class Hud {
     this.#root = root;
     this.#actions = actions;
     this.#replay = replay;
+    this.#way = { auto: false, isRecording: replay !== null };
     this.#notice.ariaLive = 'polite';
     this.#progress.ariaLabel = 'How far the server is';
     const meter = make('div', { className: 'meter' },
@@ -126,7 +133,7 @@ export class Hud {
     this.#coachBox = make('div', { className: 'coach' }, this.#coachTitle, this.#coachText,
       this.#coachTasks, button('', '✕', 'Hide the introduction', () => this.#endCoach()));
     // Without help everybody sees the same, whatever others did on this phone.
-    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = TASKS.length;
+    if (stored(COACH_SEEN) !== null || !rules.offersHelp) this.#coach.task = NUM_TASKS;
     const looks = make('div', { className: 'looks' });
     for (const [overlay, name, label] of OVERLAYS) {
       const each = button('', name, label, () => this.#setOverlay(overlay));
@@ -164,14 +171,21 @@ export class Hud {
   #showAuto(sentence: string | null): void {
     const pressed = String(sentence !== null);
     if (this.#auto.ariaPressed !== pressed) this.#auto.ariaPressed = pressed;
+    this.#shutter.classList.toggle('automatic', sentence !== null);
     show(this.#autoSays, sentence !== null);
     say(this.#autoSays, sentence ?? '');
   }
 
-  /** Say a sentence for a moment: the answer to a touch. */
-  answer(sentence: string): void {
+  /** Say a sentence for a moment, the answer to a touch, and offer something to do about it. */
+  answer(sentence: string, offer: Offer | null = null): void {
     clearTimeout(this.#toastEnds);
-    say(this.#toast, sentence);
+    this.#toast.replaceChildren(sentence);
+    if (offer !== null) {
+      this.#toast.append(button('', offer.label, offer.label, () => {
+        show(this.#toast, false);
+        offer.act();
+      }));
+    }
     show(this.#toast, true);
     this.#toastEnds = setTimeout(() => show(this.#toast, false), TOAST_MS);
   }
@@ -196,9 +210,8 @@ export class Hud {
     if (this.#shutter.disabled === state.canShoot) this.#shutter.disabled = !state.canShoot;
     if (state.look !== this.#shownLook) this.#showLook(state.look);
     this.#follow(this.rules);
-    if (state.views !== this.#shownViews || state.restorable !== this.#shownRestorable) {
-      this.#showViews(state.views, state.restorable);
-    }
+    if (state.views !== this.#shownViews || state.restorable !== this.#shownRestorable
+      || state.isOver !== this.#shownOver) this.#showViews(state);
     this.#showCoach(state);
     this.#showPlayer();
   }
@@ -236,14 +249,16 @@ export class Hud {
     for (const [overlay, each] of this.#looks) each.ariaPressed = String(overlay === look.overlay);
   }
 
-  #showViews(views: readonly CapturedView[], restorable: readonly CapturedView[]): void {
+  #showViews(state: HudState): void {
+    const { views } = state;
     this.#shownViews = views;
-    this.#shownRestorable = restorable;
+    this.#shownRestorable = state.restorable;
+    this.#shownOver = state.isOver;
     this.#moment.views = views.length;
     this.#moment.ready = views.filter((view) => view.state === 'ready').length;
     say(this.#count, viewsText(views.length));
     this.#showStrip(views);
-    this.#sheet?.update?.(views, restorable);
+    this.#sheet?.update?.(state);
   }
 
   /** Of a long session nearly all is there already. */
@@ -269,8 +284,9 @@ export class Hud {
     const before = this.#coach.task;
     this.#moment.peakedShare = state.peakedShare;
     this.#coach.update(this.#moment);
-    if (this.#coach.done && before < TASKS.length) this.#endCoach();
-    const task = TASKS[this.#coach.task];
+    if (this.#coach.done && before < NUM_TASKS) this.#endCoach();
+    this.#way.auto = state.auto !== null;
+    const task = taskOf(this.#coach.task, this.#way);
     show(this.#coachBox, task !== undefined && this.#sheet === null && state.gettingReady === null);
     if (task === undefined) return;
     const { title, text } = this.#coach.waits(this.#moment) ? ON_ITS_WAY : task;
@@ -287,7 +303,7 @@ export class Hud {
   }
 
   #endCoach(): void {
-    this.#coach.task = TASKS.length;
+    this.#coach.task = NUM_TASKS;
     store(COACH_SEEN, 'yes');
   }
 
@@ -303,13 +319,10 @@ export class Hud {
     if (which === 'finish' && this.rules.finish !== null) return this.rules.finish();
     const close = (): void => this.#close();
     switch (which) {
-      case 'views': 
-        this.#sheet = viewsSheet(state.views, state.restorable, this.#actions, close);
-        break;
+      case 'views': this.#sheet = viewsSheet(state, this.#actions, close); break;
       case 'settings': this.#sheet = settingsSheet(state.look, this.#actions, close); break;
       case 'finish':
-        this.#sheet = finishSheet(
-          state.sessionName, state.views, state.restorable, this.#actions, close);
+        this.#sheet = finishSheet(state.sessionName, state, this.#actions, close);
         break;
       default: which satisfies never;
     }
@@ -320,6 +333,7 @@ export class Hud {
   }
 
   #close(): void {
+    this.#sheet?.closed?.();
     this.#sheet?.element.remove();
     this.#sheet = null;
   }

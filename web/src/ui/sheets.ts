@@ -1,9 +1,9 @@
-/** What slides up from below: the list of views, settings, the end of a session. */
+/** What slides up from below: the list of views, settings; `finish_sheet.ts` has the end. */
 
 import type { CapturedView } from '../capture/capture_session';
 import type { Look } from '../render/view_renderer';
+import type { Selection } from '../wire';
 import { button, make } from './dom';
-import { viewsText } from './words';
 
 /** What the sheets ask of the page. */
 export interface SheetActions {
@@ -12,14 +12,29 @@ export interface SheetActions {
   retry(id: string): void;
   setLook(look: Look): void;
   finish(name: string): void;
+  /** Take views again after the end. */
+  takeMore(): void;
   newSession(): void;
-  readonly datasetUrl: string;
+  /** How good the views are, and how many are enough. @throws ApiError */
+  selection(signal: AbortSignal): Promise<Selection>;
+  /** Have the data set of the best so many, or of all, made ready. @returns Where it is. @throws ApiError */
+  dataset(views: number | null): Promise<string>;
+}
+
+/** What a sheet shows of a session. */
+export interface SheetState {
+  readonly views: readonly CapturedView[];
+  /** Undone or set aside, and can be brought back. */
+  readonly restorable: readonly CapturedView[];
+  /** The session takes no more views. */
+  readonly isOver: boolean;
 }
 
 export interface Sheet {
   readonly element: HTMLElement;
-  /** Called when views change while it is open. */
-  readonly update?: (views: readonly CapturedView[], restorable: readonly CapturedView[]) => void;
+  /** Called when that changes while it is open. */
+  readonly update?: (state: SheetState) => void;
+  readonly closed?: () => void;
 }
 
 export const VIEW_STATES: Readonly<Record<CapturedView['state'], string>> = {
@@ -30,29 +45,43 @@ export const VIEW_STATES: Readonly<Record<CapturedView['state'], string>> = {
   failed: 'failed',
 };
 
-function sheet(title: string, close: () => void, ...content: Node[]): HTMLElement {
+export function sheet(title: string, close: () => void, ...content: Node[]): HTMLElement {
   const element = make('section', { className: 'sheet', role: 'dialog' },
     make('h2', {}, title), button('close', '✕', 'Close', close), ...content);
   element.ariaLabel = title;
   return element;
 }
 
-export function viewsSheet(
-  views: readonly CapturedView[], restorable: readonly CapturedView[], actions: SheetActions,
-  close: () => void,
-): Sheet {
+export function viewsSheet(state: SheetState, actions: SheetActions, close: () => void): Sheet {
   const list = make('ul');
-  const undone = make('ul', { className: 'undone' });
-  const undoneTitle = make('h3', {}, 'Undone, until you finish');
-  const update = (now: readonly CapturedView[], gone: readonly CapturedView[]): void => {
-    const items = now.map((view, i) => viewItem(view, i, actions));
+  const away = [
+    awayList('Undone, until you finish', (view) => !view.setAside, actions),
+    awayList('Set aside: others show the same', (view) => view.setAside, actions),
+  ];
+  const update = ({ views, restorable }: SheetState): void => {
+    const items = views.map((view, i) => viewItem(view, i, actions));
     list.replaceChildren(...items.reverse());
-    if (now.length === 0) list.replaceChildren(make('li', {}, 'No views yet.'));
-    undoneTitle.hidden = gone.length === 0;
-    undone.replaceChildren(...gone.map((view) => undoneItem(view, actions)).reverse());
+    if (views.length === 0) list.replaceChildren(make('li', {}, 'No views yet.'));
+    for (const each of away) each.update(restorable);
   };
-  update(views, restorable);
-  return { element: sheet('Views', close, list, undoneTitle, undone), update };
+  update(state);
+  return { element: sheet('Views', close, list, ...away.map(({ element }) => element)), update };
+}
+
+/** Those of the views that are not in the data set, with a button to bring each back. */
+function awayList(
+  title: string, isListed: (view: CapturedView) => boolean, actions: SheetActions,
+): { readonly element: HTMLElement; update(restorable: readonly CapturedView[]): void } {
+  const list = make('ul', { className: 'undone' });
+  const element = make('div', {}, make('h3', {}, title), list);
+  return {
+    element,
+    update(restorable) {
+      const items = restorable.filter(isListed).map((view) => undoneItem(view, actions));
+      element.hidden = items.length === 0;
+      list.replaceChildren(...items.reverse());
+    },
+  };
 }
 
 /** What is to be known of a view: its problem, or its state and the generator of its MPI. */
@@ -65,12 +94,12 @@ export function viewNote(view: Pick<CapturedView, 'state' | 'problem' | 'generat
   return notes.join(' · ');
 }
 
-/** Its picture is on this device only while it was never sent: the server shows it to nobody. */
+/** Of what was undone the picture is here only while it was never sent: the server shows it to nobody. */
 function undoneItem(view: CapturedView, actions: SheetActions): HTMLElement {
   const name = view.number === null ? 'View' : `View ${view.number}`;
   const time = new Date(view.time_s * 1000).toLocaleTimeString([], { timeStyle: 'short' });
   return make('li', {},
-    ...(view.thumbnailUrl.startsWith('blob:') ? [make('img', { src: view.thumbnailUrl, alt: '' })] : []),
+    ...(view.setAside || view.thumbnailUrl.startsWith('blob:') ? [make('img', { src: view.thumbnailUrl, alt: '' })] : []),
     make('div', {}, name, make('small', {}, `taken at ${time}`)),
     button('pill', 'Bring back', `Bring back ${name.toLowerCase()}`, () => actions.restore(view.id)));
 }
@@ -122,41 +151,4 @@ function slider(
     onchange(Number(input.value));
   };
   return make('label', {}, name, output, input);
-}
-
-export function finishSheet(
-  name: string, views: readonly CapturedView[], restorable: readonly CapturedView[],
-  actions: SheetActions, close: () => void,
-): Sheet {
-  const input = make('input', { type: 'text', value: name, maxLength: 80 });
-  const state = make('p');
-  const download = make('a', { className: 'primary', href: actions.datasetUrl, download: '' },
-    'Download the data set (zip)');
-  const undone = make('p', { className: 'quiet' });
-  const update = (now: readonly CapturedView[], gone: readonly CapturedView[]): void => {
-    undone.hidden = gone.length === 0;
-    undone.textContent = `Finishing deletes the ${gone.length === 1 ? 'view' : `${gone.length} views`} that `
-      + 'you undid. You can still bring them back in the list of views.';
-    const onServer = now.filter((view) => view.onServer).length;
-    state.textContent = onServer === now.length
-      ? `${viewsText(now.length)}, saved on the server.`
-      : `${onServer} of ${viewsText(now.length)} saved on the server. The rest is saved on this `
-        + 'device and is uploaded as soon as there is a connection.';
-    download.hidden = onServer === 0;
-  };
-  update(views, restorable);
-  const finish = (): void => {
-    actions.finish(input.value.trim() || name);
-    close();
-  };
-  download.onclick = () => actions.finish(input.value.trim() || name);
-  return {
-    element: sheet('Finish', close, state, undone, make('label', {}, 'Session name', input),
-      download,
-      make('button', { className: 'secondary', type: 'button', onclick: finish },
-        'Finish without downloading'),
-      make('button', { className: 'secondary', type: 'button', onclick: () => actions.newSession() },
-        'Start a new session')),
-    update,
-  };
 }

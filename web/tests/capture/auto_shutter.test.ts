@@ -6,7 +6,7 @@ import {
 const FRAME_MS = 33;
 
 function moment(change: Partial<AutoMoment> = {}): AutoMoment {
-  return { time_ms: 0, canShoot: true, steady: true, views: 3, ready: 3, peakedShare: 0.05, ...change };
+  return { time_ms: 0, hindrance: null, fault: null, steady: true, views: 3, ready: 3, peakedShare: 0.05, ...change };
 }
 
 function auto(): AutoShutter {
@@ -41,10 +41,14 @@ describe('the automatic shutter', () => {
 
   test.each<[AutoWait, Partial<AutoMoment>]>([
     ['first-view', { views: 0, ready: 0, peakedShare: null }],
-    ['shutter', { canShoot: false }],
+    ['too-fast', { hindrance: 'too-fast' }],
+    ['other', { hindrance: 'other' }],
+    ['blurred', { fault: 'blurred' }],
+    ['too-dark', { fault: 'too-dark' }],
     ['unsteady', { steady: false }],
     ['nothing-new', { peakedShare: WORTH_SHARE - 1e-6 }],
     ['nothing-new', { peakedShare: null }],
+    ['nothing-new', { peakedShare: null, fault: 'too-bright' }],
   ])('waits, and says why: %s', (why, change) => {
     const shutter = auto();
     expect(takenAt(shutter, 3 * PAUSE_MS, change)).toEqual([]);

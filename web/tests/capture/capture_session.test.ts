@@ -545,6 +545,40 @@ test('finish, offline: told to the server after all photos; the next session is 
   expect(next.id).not.toBe(session.id);
 });
 
+test('after the end more views can be taken: the server is told first', async () => {
+  const session = await browser.open();
+  await session.shutter(photo(1));
+  await session.finish();
+  await clock.until(() => session.snapshot.finished === 'yes');
+  server.stop();
+  await session.reopen();
+  expect(session.snapshot.finished).toBe('no');
+  const id = await session.shutter(photo(2));
+  server.start();
+  await clock.until(() => server.alive().includes(id));
+  expect(server.sessions.get(session.id)).toMatchObject({ finished: false });
+  expect(session.snapshot.finished).toBe('no');
+  expect((await browser.open()).id).toBe(session.id);
+});
+
+test('a photo that was taken after the end is kept here, and sent when somebody goes on', async () => {
+  const session = await browser.open();
+  await session.shutter(photo(1));
+  await clock.until(allQueued(session, 1));
+  server.stop(); // so this phone does not hear that another one finishes
+  server.finish(true);
+  const id = await session.shutter(photo(2));
+  server.start();
+  await clock.until(() => session.snapshot.views.some(({ state }) => state === 'failed'));
+  expect(session.snapshot.views.at(-1)).toMatchObject({ id, problem: 'it is finished' });
+  expect(await session.photo(id)).not.toBeNull();
+  await clock.until(() => session.snapshot.finished === 'yes');
+  server.finish(false);
+  await clock.until(allQueued(session, 2));
+  expect(server.alive()).toContain(id);
+  expect(session.snapshot.finished).toBe('no');
+});
+
 test('snapshots do not change, and every change is told', async () => {
   const session = await browser.open();
   const seen: (readonly unknown[])[] = [];

@@ -94,6 +94,14 @@ export class ModelServer {
     }
   }
 
+  /** Somebody else has finished all sessions, or goes on with them. */
+  finish(finished: boolean): void {
+    for (const [id, held] of this.sessions) {
+      held.finished = finished;
+      this.#tell(id, { type: 'SessionChanged', summary: this.#session(id)?.summary });
+    }
+  }
+
   ready(captureId: string): void {
     for (const [id, held] of this.sessions) {
       const at = held.captures.findIndex((capture) => capture.id === captureId);
@@ -121,6 +129,7 @@ export class ModelServer {
       const change = JSON.parse(String(init.body)) as SessionChange;
       held.name = change.name ?? held.name;
       held.finished = change.finished ?? held.finished;
+      this.#tell(id, { type: 'SessionChanged', summary: this.#session(id)?.summary });
       return json(this.#session(id)?.summary, 200);
     }
     if (part === undefined && method === 'GET') return json(this.#session(id), 200);
@@ -146,6 +155,7 @@ export class ModelServer {
     await new Promise((resolve) => setImmediate(resolve));
     this.uploadsNow -= 1;
     if (at >= 0) return json(held.captures[at], 200);
+    if (held.finished) return problem(409, 'it is finished', {}, 'urn:peaking:problem:finished');
     const capture: Capture = {
       id: captureId, number: held.captures.length + 1, camera: header.camera,
       time_s: header.time_s, state: 'queued', mpi_bytes: null, problem: null, removed: false,

@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import { Coach, TASKS, type CoachMoment } from '../../src/ui/coach';
+import { Coach, NUM_TASKS, taskOf, type CoachMoment } from '../../src/ui/coach';
 
 /** The step after each of these moments. */
 function stepsOf(coach: Coach, ...moments: readonly (readonly [number, number, number | null])[]): number[] {
@@ -43,15 +43,31 @@ describe('shoot – move – shoot the red – see it go', () => {
     expect(coach.waits({ views: 1, ready: 1, peakedShare: 0 })).toBe(false);
   });
 
+  test('what was marked and is calm again is not asked for', () => {
+    const coach = new Coach();
+    expect(stepsOf(coach, [1, 1, 0], [1, 1, 0.1], [1, 1, 0.01], [1, 1, 0.1])).toEqual([1, 2, 1, 2]);
+  });
+
+  test('says what is true of the way views are taken', () => {
+    const all = [true, false].flatMap((auto) => [true, false].map((isRecording) => ({ auto, isRecording })));
+    for (const way of all) {
+      const said = Array.from({ length: NUM_TASKS }, (_, task) => Object.values(taskOf(task, way) ?? {}).join(' '));
+      expect(new Set(said).size).toBe(NUM_TASKS);
+      expect(said.join(' ').includes('step')).toBe(!way.isRecording);
+      expect(said[2]?.includes('Auto')).toBe(way.auto);
+    }
+    expect(taskOf(NUM_TASKS, { auto: false, isRecording: false })).toBeUndefined();
+  });
+
   test('after the last step nothing happens', () => {
     const coach = new Coach();
-    coach.task = TASKS.length;
+    coach.task = NUM_TASKS;
     expect(stepsOf(coach, [0, 0, null], [5, 5, 0.5])).toEqual([4, 4]);
   });
 
   test('again from the beginning', () => {
     const coach = new Coach();
-    coach.task = TASKS.length;
+    coach.task = NUM_TASKS;
     coach.restart();
     expect([coach.task, coach.done]).toEqual([0, false]);
     expect(stepsOf(coach, [3, 3, 0.3], [3, 3, 0.3], [4, 3, 0.3], [4, 4, 0.1])).toEqual([1, 2, 3, 4]);

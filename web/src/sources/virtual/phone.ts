@@ -6,7 +6,7 @@
  * differently is put over it here.
  */
 
-import { Euler, PerspectiveCamera, Quaternion, WebGLRenderer } from 'three';
+import { Euler, LinearToneMapping, PerspectiveCamera, Quaternion, WebGLRenderer } from 'three';
 import { XRDevice, type XRDeviceConfig } from 'iwer';
 import type { FrameSource, LiveFrame } from '../frame_source';
 import type { RawDepth } from '../depth';
@@ -33,6 +33,8 @@ export interface VirtualPhone {
   readonly pose: PhonePose;
   /** world_from_cam of the room, `[R | t]` with OpenCV axes; a rotation without roll. */
   setPose(worldFromCam: readonly number[]): void;
+  /** Let the room be so many times as bright. */
+  setLight(times: number): void;
   /** Pretend that tracking is lost. */
   setTracked(tracked: boolean): void;
   /** Let the device find itself again: its world gets an origin that is moved by so much, and it says so. */
@@ -122,6 +124,7 @@ export function installVirtualPhone(options: VirtualPhoneOptions): VirtualPhone 
     },
     pose,
     setPose: (worldFromCam) => setPose(pose, worldFromCam),
+    setLight: (times) => camera.setLight(times),
     setTracked: (tracked) => { phone.tracked = tracked; },
     moveOrigin: (x_m, y_m, z_m) => {
       drift.x_m -= x_m;
@@ -207,6 +210,13 @@ class DrawnCamera {
   /** The turn of a phone; written anew by the next call. */
   turned(pitch_rad: number, yaw_rad: number): { x: number; y: number; z: number; w: number } {
     return this.#turned.setFromEuler(this.#euler.set(pitch_rad, yaw_rad, 0));
+  }
+
+  /** So many times as bright as the room is. */
+  setLight(times: number): void {
+    this.#renderer.toneMapping = LinearToneMapping;
+    this.#renderer.toneMappingExposure = times;
+    this.#drawnAt.fill(NaN);
   }
 
   /** Goes up when the picture is drawn anew, which it only is when the phone has moved. */

@@ -1,3 +1,4 @@
+# pyright: basic
 """The desk itself and what stands on it: the near half of the desk scene."""
 
 import itertools
@@ -5,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from drawn_scenes import drawing, prints, surfaces
-from drawn_scenes.desk_room import DESK_TOP_M, GLASS, MIRROR
-from drawn_scenes.mesh import MeshParts, Pose, Rect
-from drawn_scenes.parts import (
+from peaking.photographers.drawn import drawing, prints, surfaces
+from peaking.photographers.drawn.desk_room import DESK_TOP_M, GLASS, MIRROR
+from peaking.photographers.drawn.mesh import MeshParts, Pose, Rect
+from peaking.photographers.drawn.parts import (
     BOOKS_IN_ATLAS,
     book,
     book_row,

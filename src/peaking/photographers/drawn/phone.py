@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """A phone: how a hand trembles, and what the depth sensor makes of a scene."""
 
 import cv2
@@ -5,6 +7,9 @@ import numpy as np
 
 DEPTH_SIZE_PX = (74, 160)
 """Width and height of the phone's depth picture; it covers the whole colour picture."""
+FULL_WIDTH_PX = 294
+"""Errors in pixels are given for a colour picture of this width, and scaled for others."""
+
 DISPARITY_STEP_PER_M = 0.001
 
 
@@ -50,7 +55,8 @@ def phone_depth_mm(
     places, blobs, ragged borders, `dropout`.
     """
     wide, high = DEPTH_SIZE_PX
-    shift = [2.2 * _blobs(rng, seen_m.shape, 12.0) for _ in range(2)]
+    px = seen_m.shape[1] / FULL_WIDTH_PX
+    shift = [2.2 * px * _blobs(rng, seen_m.shape, 12.0 * px) for _ in range(2)]
     v, u = np.mgrid[0 : seen_m.shape[0], 0 : seen_m.shape[1]].astype(np.float32)
     moved = cv2.remap(
         (1.0 / seen_m).astype(np.float32),
@@ -59,7 +65,7 @@ def phone_depth_mm(
         cv2.INTER_NEAREST,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    mixed = cv2.GaussianBlur(moved, (0, 0), 2.5)
+    mixed = cv2.GaussianBlur(moved, (0, 0), 2.5 * px)
     depth_m = 1.0 / _at_centres(mixed, DEPTH_SIZE_PX)
 
     noise = _blobs(rng, (high, wide), 2.5)

@@ -1,3 +1,4 @@
+# pyright: basic
 """What stands in the living room."""
 
 import itertools
@@ -5,10 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from drawn_scenes import prints, room_surfaces, surfaces
-from drawn_scenes.living_room import HALF_X_M, HALF_Y_M, SPHERE, VASE
-from drawn_scenes.mesh import MeshParts, Pose
-from drawn_scenes.parts import BOOKS_IN_ATLAS, ball, book, bush, matte, satin, shape, shelves
+from peaking.photographers.drawn import prints, room_surfaces, surfaces
+from peaking.photographers.drawn.living_room import HALF_X_M, HALF_Y_M, SPHERE, VASE
+from peaking.photographers.drawn.mesh import MeshParts, Pose
+from peaking.photographers.drawn.parts import (
+    BOOKS_IN_ATLAS,
+    ball,
+    book,
+    bush,
+    matte,
+    satin,
+    shape,
+    shelves,
+)
 
 TABLE_AT_M, TABLE_TOP_M = (-1.2, 1.0), 0.73
 BALL = ("beach_ball",)

@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """The living room: walls, window, lights, and what hangs on the walls.
 
 World axes: +Z up; the floor is 5.0 m by 4.2 m around the origin. North (+Y): a black bookshelf, a
@@ -9,10 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from drawn_scenes import prints, room_surfaces, surfaces
-from drawn_scenes.drawing import to_uint8
-from drawn_scenes.mesh import MeshParts, Pose
-from drawn_scenes.parts import glowing_picture, matte, panel, picture_frame, satin, shape
+from peaking.photographers.drawn import prints, room_surfaces, surfaces
+from peaking.photographers.drawn.drawing import to_uint8
+from peaking.photographers.drawn.mesh import MeshParts, Pose
+from peaking.photographers.drawn.parts import (
+    glowing_picture,
+    matte,
+    panel,
+    picture_frame,
+    satin,
+    shape,
+)
 
 HALF_X_M, HALF_Y_M, HIGH_M = 2.5, 2.1, 2.6
 MIRROR, VASE, SPHERE = "wall_mirror", "glass_vase", "glass_sphere"

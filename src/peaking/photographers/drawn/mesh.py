@@ -1,3 +1,4 @@
+# pyright: basic
 """Triangle meshes of drawn scenes: boxes, turned shapes, tubes and leaves.
 
 Texture coordinates have their origin at the picture's top left, v down. A `Rect` is a part of a

@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """Surfaces of drawn scenes: wood, cloth, paper on the wall, pottery, leaves.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
@@ -9,7 +11,15 @@ import itertools
 import cv2
 import numpy as np
 
-from drawn_scenes.drawing import INK, fractal, phrase, shaded, smooth_noise, to_uint8, write_text
+from peaking.photographers.drawn.drawing import (
+    INK,
+    fractal,
+    phrase,
+    shaded,
+    smooth_noise,
+    to_uint8,
+    write_text,
+)
 
 
 def wood(

@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """Surfaces of the living room: plaster, stone, leather, carpet and cloth, many of them dark.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
@@ -6,7 +8,7 @@ Each function draws an sRGB picture, `height width 3`, uint8, from the generator
 import cv2
 import numpy as np
 
-from drawn_scenes.drawing import PALETTE, fractal, shaded, smooth_noise, to_uint8
+from peaking.photographers.drawn.drawing import PALETTE, fractal, shaded, smooth_noise, to_uint8
 
 Colour = tuple[float, float, float]
 

@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportArgumentType=false, reportCallIssue=false
 """What the pictures of drawn scenes are drawn with: noise, colours and text.
 
 Pictures are sRGB, `height width 3`. Randomness comes from the generator handed in.

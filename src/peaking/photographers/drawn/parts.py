@@ -1,18 +1,40 @@
+# pyright: basic
 """What drawn scenes are put together from: materials, frames, books, plants, screens."""
 
+from dataclasses import dataclass
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 
-from drawn_scenes.mesh import MeshParts, Pose, Rect, vertex_normals
+from peaking.photographers.drawn.mesh import MeshParts, Pose, Rect, vertex_normals
 
 BOOKS_IN_ATLAS = 40
 
 
+@dataclass(frozen=True)
+class Part:
+    """A mesh of one material, as plain data.
+
+    Attributes:
+        name: What Mitsuba calls it.
+        points_m: n 3, in the world.
+        uvs: n 2, texture coordinates.
+        faces: m 3, numbers of points.
+        normals: n 3 where it is smooth; None: faceted.
+        bsdf: The material, as Mitsuba describes it; its pictures are arrays.
+    """
+
+    name: str
+    points_m: np.ndarray
+    uvs: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None
+    bsdf: dict[str, Any]
+
+
 def texture(image: np.ndarray) -> dict[str, Any]:
-    """A Mitsuba texture from an sRGB picture."""
-    return {"type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(image))}
+    """A texture from an sRGB picture."""
+    return {"type": "bitmap", "bitmap": np.ascontiguousarray(image)}
 
 
 def matte(image: np.ndarray) -> dict[str, Any]:
@@ -26,37 +48,21 @@ def satin(image: np.ndarray, roughness: float = 0.25) -> dict[str, Any]:
     return {"type": "twosided", "bsdf": coat | {"diffuse_reflectance": texture(image)}}
 
 
-def shape(name: str, parts: MeshParts, bsdf: dict[str, Any]) -> mi.Mesh:
-    """A Mitsuba mesh of the collected parts."""
+def shape(name: str, parts: MeshParts, bsdf: dict[str, Any]) -> Part:
+    """The collected parts as one mesh."""
     points_m, uvs, faces = parts.arrays()
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(bsdf)
-    mesh = mi.Mesh(
-        name,
-        len(points_m),
-        len(faces),
-        has_vertex_normals=parts.smooth,
-        has_vertex_texcoords=True,
-        props=properties,
-    )
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = points_m.astype(np.float32).ravel()
-    params["vertex_texcoords"] = uvs.astype(np.float32).ravel()
-    params["faces"] = faces.astype(np.uint32).ravel()
-    if parts.smooth:
-        params["vertex_normals"] = vertex_normals(points_m, faces).astype(np.float32).ravel()
-    params.update()
-    return mesh
+    normals = vertex_normals(points_m, faces) if parts.smooth else None
+    return Part(name, points_m, uvs, faces, normals, bsdf)
 
 
-def panel(size_m: tuple[float, float], pose: Pose) -> mi.ScalarTransform4f:
+def panel(size_m: tuple[float, float], pose: Pose) -> np.ndarray:
     """`to_world` of a rectangle that faces -y before it is posed, its texture upright."""
     matrix = np.eye(4)
     matrix[:3, :3] = pose.rotation() @ np.array(
         [[size_m[0] / 2, 0, 0], [0, 0, -1], [0, size_m[1] / 2, 0]]
     )
     matrix[:3, 3] = pose.at_m
-    return mi.ScalarTransform4f(matrix)
+    return matrix
 
 
 def glowing_picture(
@@ -76,7 +82,7 @@ def glowing_picture(
             "type": "area",
             "radiance": {
                 "type": "bitmap",
-                "bitmap": mi.Bitmap(light.astype(np.float32)),
+                "bitmap": light.astype(np.float32),
                 "raw": True,
             },
             "sampling_weight": 0.15,

@@ -1,3 +1,5 @@
+# pyright: basic
+# pyright: reportCallIssue=false
 """Printed things of drawn scenes: pages, posters, book spines, keys, what a screen shows.
 
 Each function draws an sRGB picture, `height width 3`, uint8, from the generator handed to it.
@@ -7,7 +9,7 @@ Nothing is downloaded, so the scene is our own work.
 import cv2
 import numpy as np
 
-from drawn_scenes.drawing import (
+from peaking.photographers.drawn.drawing import (
     INK,
     PALETTE,
     WORDS,

@@ -1,3 +1,4 @@
+# pyright: basic
 """The desk scene's model: what stands where, of which material.
 
 World axes: +Z up, +X right and +Y away from the camera's home at about (0, 0, 1.2) m. From near
@@ -12,9 +13,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drawn_scenes import prints, surfaces
-from drawn_scenes.mesh import MeshParts, Pose
-from drawn_scenes.parts import (
+from peaking.photographers.drawn import prints, surfaces
+from peaking.photographers.drawn.mesh import MeshParts, Pose
+from peaking.photographers.drawn.parts import (
     BOOKS_IN_ATLAS,
     ball,
     book_row,

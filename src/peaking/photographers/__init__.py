@@ -1,0 +1,1 @@
+"""Simulated photographers in drawn scenes: does guidance help in the closed loop?"""
