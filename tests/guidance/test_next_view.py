@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from peaking.geometry import Camera, Pinhole, Rigid
-from peaking.guidance.completeness import BESIDE, ENOUGH, score, verdict
+from peaking.guidance.completeness import BESIDE, ENOUGH, Scored, score, scored, verdict
 from peaking.guidance.foresight import GOOD, NOTHING, Foresight
 from peaking.guidance.next_view import (
     BETTER,
@@ -39,7 +39,8 @@ def at(x_m: float, y_m: float = 0.0, z_m: float = 0.0) -> Camera:
 def foresight(
     *, new: float = 0.0, wrong: float = 0.0, one_side: float = 0.0, lost: float = 0.0
 ) -> Foresight:
-    return Foresight(0.01, new, wrong, one_side, lost, (0.8, 0.1))
+    error = GOOD + NOTHING * new + 0.01 * wrong
+    return Foresight(error, new, wrong, one_side, lost, (0.8, 0.1))
 
 
 def virtual(x_m: float, moved: Moved = "left") -> VirtualCamera:
@@ -101,9 +102,11 @@ def test_a_step_suits_the_scene_and_stays_while_it_grows() -> None:
 
 
 def found(*each: tuple[float, Foresight]) -> list[Suggestion]:
-    return suggestions(
-        [virtual(x_m) for x_m, _ in each], [foreseen for _, foreseen in each], step_m=0.1
-    )
+    """Rank poses that are all scored."""
+    poses = [virtual(x_m) for x_m, _ in each]
+    foreseen = [foreseen for _, foreseen in each]
+    pictures = [Scored(pose.camera, one) for pose, one in zip(poses, foreseen, strict=True)]
+    return suggestions(poses, foreseen, pictures, step_m=0.1)
 
 
 def test_most_help_comes_first_and_little_is_not_worth_it() -> None:
@@ -120,26 +123,43 @@ def test_most_help_comes_first_and_little_is_not_worth_it() -> None:
 def test_what_is_far_is_worth_less() -> None:
     poses = [virtual(0.0), virtual(5.0)]
     help_ = [foresight(new=0.2), foresight(new=0.25)]
-    near = suggestions(poses, help_, step_m=0.1, here=at(0.1))
+    near = suggestions(poses, help_, [], step_m=0.1, here=at(0.1))
     assert near[0].camera.position_m[0] == 0.0
-    assert suggestions(poses, help_, step_m=0.1)[0].camera.position_m[0] == 5.0
+    assert suggestions(poses, help_, [], step_m=0.1)[0].camera.position_m[0] == 5.0
+
+
+def test_a_view_is_worth_what_it_mends_of_the_walk() -> None:
+    """Of two poses with as much to mend in their own picture, the one that more was walked by."""
+    poses = [virtual(0.0), virtual(5.0)]
+    help_ = [foresight(new=0.2), foresight(new=0.2)]
+    walked = [Scored(at(5.0 + 0.02 * k), foresight(new=0.2)) for k in range(5)]
+    ranked = suggestions(poses, help_, [Scored(at(0.0), foresight(new=0.2)), *walked], step_m=0.1)
+    assert ranked[0].camera.position_m[0] == 5.0
+    calm = [Scored(each.camera, foresight()) for each in walked]
+    ranked = suggestions(poses, help_, [Scored(at(0.0), foresight(new=0.2)), *calm], step_m=0.1)
+    assert ranked[0].camera.position_m[0] == 0.0
+
+
+def test_one_is_sent_where_nothing_was_seen_only_if_one_was_there() -> None:
+    new = foresight(new=MOST_NEW + 0.1)
+    expected: dict[Moved, int] = {"here": 1, "between": 1, "left": 0, "turned left": 0}
+    for moved, count in expected.items():
+        assert len(suggestions([virtual(0.0, moved)], [new], [], step_m=0.1)) == count
+
+
+def suggestion(x_m: float, gain: float) -> Suggestion:
+    return Suggestion(virtual(x_m), foresight(new=0.2), gain)
 
 
 def test_a_suggestion_stays_until_another_helps_much_more() -> None:
-    before = found((0.0, foresight(new=0.2)))[0]
-    little = found((0.0, foresight(new=0.2)), (1.0, foresight(new=0.19 * BETTER)))
-    assert little[0].camera.position_m[0] == 1.0
-    kept = keep_or_change(before, little)
-    assert kept is not None
-    assert kept.camera.position_m[0] == 0.0
-    much = found((0.0, foresight(new=0.2)), (1.0, foresight(new=0.21 * BETTER)))
-    changed = keep_or_change(before, much)
-    assert changed is not None
-    assert changed.camera.position_m[0] == 1.0
+    before = suggestion(0.0, 0.3)
+    here, there = suggestion(0.0, 0.2), suggestion(1.0, 0.99 * BETTER * 0.2)
+    assert keep_or_change(before, [there, here]) is here
+    much = suggestion(1.0, 1.01 * BETTER * 0.2)
+    assert keep_or_change(before, [much, here]) is much
+    assert keep_or_change(before, [there]) is there  # it was taken
+    assert keep_or_change(None, [there, here]) is there
     assert keep_or_change(before, []) is None
-    gone = keep_or_change(before, found((1.0, foresight(new=0.1))))
-    assert gone is not None
-    assert gone.camera.position_m[0] == 1.0
 
 
 def test_reasons_are_in_plain_words() -> None:
@@ -168,5 +188,14 @@ def test_who_has_hardly_moved_is_not_done() -> None:
     good = foresight()
     bad = Foresight(NOTHING + GOOD, 1.0, 0.0, 0.0, 0.0, (0.0, 0.0))
     assert score([]) == 0.0
-    assert score([good] * 2, [bad]) == pytest.approx(2 / (2 + BESIDE) * good.complete, abs=1e-6)
-    assert score([good] * 64, [bad] * 5) > 0.8 * good.complete
+    walk, aside = [(at(0.0), good)] * 2, [(at(0.1), bad)]
+    assert score(scored(walk, aside)) == pytest.approx(2 / (2 + BESIDE) * good.complete, abs=1e-6)
+    assert score(scored(walk * 32, aside * 5)) > 0.8 * good.complete
+    assert score(scored(walk)) == pytest.approx(good.complete)
+
+
+def test_what_no_view_will_mend_is_not_missing() -> None:
+    assert Scored(at(0.0), foresight(new=0.3, lost=0.3)).missing == 0
+    whole = Scored(at(0.0), foresight(new=0.3)).missing
+    assert Scored(at(0.0), foresight(new=0.3, lost=0.15)).missing == pytest.approx(whole / 2)
+    assert whole == pytest.approx(1 - foresight(new=0.3).complete)

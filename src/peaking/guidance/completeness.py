@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from peaking.geometry import Camera
 from peaking.guidance.foresight import Foresight
 
 Verdict = Literal["go on", "enough", "no more help"]
@@ -20,19 +22,50 @@ BESIDE = 12
 not seen a place."""
 
 
-def score(walked: Sequence[Foresight], beside: Sequence[Foresight] = ()) -> float:
-    """Return how complete a capture is, 0…1: the mean of `Foresight.complete`.
+@dataclass(frozen=True)
+class Scored:
+    """A picture that the score is of.
+
+    Attributes:
+        camera: Where from.
+        foresight: What is foreseen of it.
+        weight: How much it counts.
+    """
+
+    camera: Camera
+    foresight: Foresight
+    weight: float = 1.0
+
+    @property
+    def missing(self) -> float:
+        """How much of it is missing and can be mended by views, 0…1."""
+        foreseen = self.foresight
+        bad = foreseen.new + foreseen.wrong
+        return (1.0 - foreseen.complete) * foreseen.help / bad if bad > 0 else 0.0
+
+
+def scored(
+    walked: Sequence[tuple[Camera, Foresight]], beside: Sequence[tuple[Camera, Foresight]] = ()
+) -> list[Scored]:
+    """Return the pictures that a score is of, with their weights.
 
     Args:
-        walked: Pictures from where the photographer was, evenly in time.
+        walked: From where the photographer was, evenly in time.
         beside: A step from there.
     """
-    values = [each.complete for each in walked]
-    weights = [1.0] * len(walked)
-    if beside:
-        values.append(float(np.mean([each.complete for each in beside])))
-        weights.append(float(BESIDE))
-    return float(np.average(values, weights=weights)) if values else 0.0
+    each = BESIDE / max(len(beside), 1)
+    return [
+        *(Scored(camera, foresight) for camera, foresight in walked),
+        *(Scored(camera, foresight, each) for camera, foresight in beside),
+    ]
+
+
+def score(pictures: Sequence[Scored]) -> float:
+    """Return how complete a capture is, 0…1: the mean of `Foresight.complete`."""
+    if not pictures:
+        return 0.0
+    weights = [each.weight for each in pictures]
+    return float(np.average([each.foresight.complete for each in pictures], weights=weights))
 
 
 def verdict(score: float, *, helps: bool) -> Verdict:

@@ -192,7 +192,8 @@ class GuidanceWorker:
         some = captures[:: -(-len(captures) // MAX_VIEWS)]
         mpis = self._mpis(session, some, watched)
         advice = watched.watch.advise(mpis, _path(session), pause=self._pause)
-        self._keep(session, len(captures), advice, mpis)
+        if not any(session.capture(capture.id).ending == "erased" for capture in captures):
+            self._keep(session, len(captures), advice, mpis)
 
     def _keep(self, session: OpenSession, views: int, advice: Advice, mpis: Sequence[Mpi]) -> None:
         before = self._answers.get(session.id, NOTHING_YET)
