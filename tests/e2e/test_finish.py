@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
+import urllib.request
 import zipfile
 from pathlib import Path
 
@@ -144,6 +146,33 @@ def test_the_list_of_sessions_shows_it_and_goes_on_with_it(
     expect(phone.page.get_by_role("heading", name="Finish", exact=True)).to_be_visible(
         timeout=PATIENCE_MS
     )
+
+
+def test_what_was_set_aside_can_be_brought_back(
+    context: BrowserContext, server: LiveServer
+) -> None:
+    phone = VirtualPhonePage(context.new_page(), server.address)
+    phone.hold(moved())
+    first = phone.shoot_and_wait()
+    phone.hold(moved(0.3))
+    phone.shoot_and_wait()
+    session = next(iter(server.sessions.glob("*/.id"))).read_text()
+    address = f"{server.address}/api/v1/sessions/{session}/captures/{first}"
+    change = json.dumps({"ending": "set_aside"}).encode()
+    with urllib.request.urlopen(urllib.request.Request(address, change, method="PATCH")):
+        pass
+    phone.wait_for(lambda: len(phone.views()) == 1)
+    open_finish(phone.page)
+    sheet_says(phone.page, "1 view, none blurred")
+    expect(phone.page.get_by_text("Finishing deletes")).to_have_count(0)
+    phone.page.get_by_role("button", name="Finish without downloading").click()
+    phone.page.get_by_role("button", name="Close").click()
+    phone.page.get_by_role("button", name="List of views").click()
+    sheet_says(phone.page, "Set aside: others show the same")
+    expect(phone.page.get_by_text("Undone, until you finish")).to_be_hidden()
+    phone.page.get_by_role("button", name="Bring back view 1").click()
+    phone.wait_for(lambda: phone.states() == ["ready", "ready"])
+    assert phone.problems == []
 
 
 @pytest.mark.parametrize("size", sorted(SIZES))

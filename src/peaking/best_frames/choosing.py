@@ -17,9 +17,11 @@ from peaking.selection.backward_elimination import SAME_PLACE, BackwardEliminati
 from peaking.selection.blur import relative_to_nearest
 from peaking.selection.policy import Candidate, CurvePoint, Worth
 
-BLURRED = 0.8
-"""Sharpness relative to frames from nearby at which a frame is called blurred; 9 of 10 that are not
-blurred have more (`peaking.selection.blur`)."""
+LESS_SHARP = 0.8
+"""Sharpness relative to frames from nearby below which that is why a frame was left out."""
+
+BLURRED = 0.7
+"""The same, below which a frame is called blurred to whoever took it (docs/selecting.md)."""
 
 UNEVEN = 1.3
 """Brightness over that of frames from nearby, or its inverse, at which it is called otherwise
@@ -182,11 +184,10 @@ def _choice(number: int, name: str, chosen: Chosen, sharp: float, bright: float)
 
 
 def _why_not(sharp: float, bright: float, same_place: bool) -> str:
-    wrong = faults(sharp, bright)
-    if "blurred" in wrong:
+    if sharp < LESS_SHARP:
         return "less sharp than others from there"
-    if wrong:
-        return f"{wrong[0]} than others from there"
+    for wrong in faults(None, bright):
+        return f"{wrong} than others from there"
     if same_place:
         return "taken from the same place as another"
     return "the frames kept show the same"

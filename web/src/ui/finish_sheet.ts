@@ -8,7 +8,10 @@ import { drawQuality } from './quality_curve';
 import { sheet, type Sheet, type SheetActions, type SheetState } from './sheets';
 import { viewsText } from './words';
 
-const BUSY_AGAIN_MS = 2000;
+const AGAIN_MS = 2000;
+const BUSY = 503;
+/** The network may come back, and what takes the server long is there when it is asked again. */
+const NO_ANSWER = 0;
 /** A smaller difference of predicted quality is none. */
 const SAME_DB = 0.05;
 
@@ -75,6 +78,8 @@ class FinishSheet implements Sheet {
   /** Of which views it was asked. */
   #asked = '';
   #asking = new AbortController();
+  /** Why there is no answer. */
+  #unsaid = '';
   #isDownloading = false;
 
   constructor(
@@ -83,8 +88,8 @@ class FinishSheet implements Sheet {
   ) {
     this.#name = make('input', { type: 'text', value: name, maxLength: 80 });
     this.element = sheet('Finish', close, this.#got, this.#curve, this.#onTheWay, this.#undone,
-      make('label', {}, 'Session name', this.#name), this.#best, this.#all, this.#finish, this.#more,
-      secondary('Start a new session', () => actions.newSession()), this.#said);
+      make('label', {}, 'Session name', this.#name), this.#said, this.#best, this.#all, this.#finish,
+      this.#more, secondary('Start a new session', () => actions.newSession()));
     this.#title = this.element.querySelector('h2');
     this.#state = state;
     this.update(state);
@@ -99,6 +104,7 @@ class FinishSheet implements Sheet {
     if (key !== this.#asked) {
       this.#asked = key;
       this.#selection = null;
+      this.#unsaid = '';
       this.#asking.abort();
       this.#asking = new AbortController();
       if (key !== '') void this.#ask(this.#asking.signal);
@@ -111,20 +117,22 @@ class FinishSheet implements Sheet {
   }
 
   async #ask(signal: AbortSignal): Promise<void> {
-    this.#say('Looking at what you got …');
     while (!signal.aborted) {
       try {
         const selection = await this.actions.selection(signal);
         if (signal.aborted) return;
         this.#selection = selection;
-        this.#say('');
+        this.#unsaid = '';
         return this.#show();
       } catch (error) {
         if (signal.aborted) return;
-        if (!(error instanceof ApiError) || error.status !== 503) {
-          return this.#say(`Which views are enough cannot be said now: ${sentenceOf(error)}`);
+        const status = error instanceof ApiError ? error.status : null;
+        if (status !== BUSY) {
+          this.#unsaid = `Which views are enough cannot be said now: ${sentenceOf(error)}`;
+          this.#show();
         }
-        await new Promise((resolve) => setTimeout(resolve, BUSY_AGAIN_MS));
+        if (status !== BUSY && status !== NO_ANSWER) return;
+        await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
       }
     }
   }
@@ -134,9 +142,11 @@ class FinishSheet implements Sheet {
     const selection = this.#selection;
     const title = isOver ? 'Finished' : 'Finish';
     if (this.#title !== null && this.#title.textContent !== title) this.#title.textContent = title;
+    const isLooking = selection === null && this.#asked !== '' && this.#unsaid === '';
     this.#got.textContent = [
-      gotText(views, selection), selection === null ? '' : enoughText(selection),
-    ].join(' ');
+      gotText(views, selection), selection === null ? '' : enoughText(selection), this.#unsaid,
+      isLooking ? 'Looking at them …' : '',
+    ].join(' ').trim();
     // Only numbers go into it, so it is safe as markup.
     const curve = selection === null ? ''
       : drawQuality(selection.curve ?? [], selection.enough ?? 0, selection.captures.length);

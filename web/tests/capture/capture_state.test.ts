@@ -1,7 +1,7 @@
 import { expect, test } from 'vitest';
 
 import type { StoredCapture } from '../../src/capture/capture_db';
-import { NOTHING_KNOWN, reduce, risenOf, viewsOf } from '../../src/capture/capture_state';
+import { NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf } from '../../src/capture/capture_state';
 import { PeakedReporter } from '../../src/capture/peaked_reporter';
 import { thumbnailSize } from '../../src/capture/thumbnail';
 import { wireOfCamera } from '../../src/geometry';
@@ -34,6 +34,15 @@ test('what is undone on either side is not listed', () => {
   const state = known([local('a', { state: 'removing' }), local('b', { state: 'stored' })],
     [remote('a'), remote('b', { removed: true })]);
   expect(listed(state)).toEqual([]);
+});
+
+test('what was set aside is told from what was undone', () => {
+  const away = { removed: true, restorable: true } as const;
+  const state = known([local('a', { state: 'stored' })], [
+    remote('a', { ...away, ending: 'set_aside' }), remote('b', { ...away, ending: 'undone', time_s: 2 }),
+  ]);
+  expect(listed(state)).toEqual([]);
+  expect(restorableOf(state, String).map(({ id, setAside }) => [id, setAside])).toEqual([['a', true], ['b', false]]);
 });
 
 test('a reply that is overtaken by its event does not take "ready" back', () => {
