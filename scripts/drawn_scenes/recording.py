@@ -28,7 +28,7 @@ from drawn_scenes.rendering import (
     render_linear,
 )
 from peaking.photographers.drawn.mesh import Pose
-from peaking.photographers.drawn.phone import DEPTH_SIZE_PX, phone_depth_mm, scale_errors
+from peaking.photographers.drawn.phone import DEPTH_SIZE_PX, phone_depth, scale_errors
 
 FOLDERS = ("images", "depths", "depths_exact", "materials")
 CLIPPED_FROM = 250
@@ -120,7 +120,7 @@ def _write_frame(
     image = develop(linear, rng)
     hit = first_hit(scene, pose, (WIDTH_PX, HEIGHT_PX))
     dropout = np.select([hit.material == MIRROR_LIKE, hit.material == GLASS_LIKE], [0.35, 0.4], 0.0)
-    sensed = phone_depth_mm(hit.seen_m, image, dropout, scale=scale, rng=rng)
+    sensed = phone_depth(hit.seen_m, image, dropout, scale=scale, rng=rng)
     jpeg = [
         cv2.IMWRITE_JPEG_QUALITY, files.quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1,
         cv2.IMWRITE_JPEG_PROGRESSIVE, 1,

@@ -15,6 +15,7 @@ import peaking
 from peaking.commands import (
     bench,
     bench_generators,
+    bench_guidance,
     bench_live,
     bench_trust,
     checkpoints,
@@ -58,6 +59,7 @@ Examples:
   peaking bench live --json live.json
   peaking bench generators
   peaking bench trust scenes/desk
+  peaking bench guidance scenes/desk
 
 `peaking COMMAND --help` explains one command; `peaking --version` prints the version."""
 
@@ -88,6 +90,7 @@ COMMANDS: dict[str, type[Command]] = {
     "checkpoints": checkpoints.Checkpoints,
     "bench": bench.Bench,
     "bench live": bench_live.BenchLive,
+    "bench guidance": bench_guidance.BenchGuidance,
     "bench generators": bench_generators.BenchGenerators,
     "bench trust": bench_trust.BenchTrust,
 }
@@ -114,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words[:1] == ["--version"]:
         say(f"peaking {peaking.__version__}")
         return
-    if words[:1] == ["bench"] and words[1:2] in (["live"], ["generators"], ["trust"]):
+    if " ".join(words[:2]) in COMMANDS and words[:1] == ["bench"]:
         words[:2] = [f"bench {words[1]}"]  # these names have two words
     command: Command = tyro.cli(
         _subcommands(whole=words[:1] not in ([], ["-h"], ["--help"])),

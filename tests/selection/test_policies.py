@@ -14,7 +14,7 @@ import pytest
 from peaking.datasets import open_recording
 from peaking.errors import PeakingError
 from peaking.frame import Frame
-from peaking.geometry import Camera, Pinhole, Rigid
+from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.mpi import Mpi
 from peaking.options import DEFAULT, PolicyName
 from peaking.output import encode_png
@@ -301,6 +301,45 @@ def test_who_stands_still_keeps_the_sharp_one(tmp_path: Path) -> None:
 def test_peaking_covers_the_whole_walk(frames: RecordedFrames) -> None:
     chosen = select_from(whole(frames), SelectionOptions("peaking", num_views=4), SMALL)
     assert np.diff([0, *chosen, NUM_FRAMES - 1]).max() <= NUM_FRAMES // 2
+
+
+@pytest.mark.parametrize("place", [0, 7, 12])
+def test_what_one_frame_alone_shows_is_held(tmp_path: Path, place: int) -> None:
+    """One look at a part of the wall that nothing else shows, while all else is shown by many."""
+    cameras = lateral_cameras(12, *SIZE_PX)
+    aside = cameras[0].world_from_cam
+    away = Rigid[World, Cam](aside.rotation, aside.translation_m + np.array([9.0, 0.0, 0.0]))
+    cameras.insert(place, Camera(cameras[0].pinhole, away))
+    once = RecordedFrames(
+        open_recording(write_recording(tmp_path / "once", cameras=cameras)), SMALL
+    )
+    policy = BackwardElimination(4, SMALL)
+    for candidate in once.path(range(len(cameras))).candidates:
+        policy.observe(candidate)
+    policy.finish()
+    assert place in policy.views
+    assert policy.worth[place].why == "shows what no other does"
+    assert policy.worth[place].psnr_db > 1
+
+
+def test_few_views_of_different_things_are_not_called_enough(tmp_path: Path) -> None:
+    first = lateral_cameras(1, *SIZE_PX)[0]
+    apart = [
+        Camera(first.pinhole, Rigid(np.eye(3), np.array([5.0 * i, 0.0, 0.0]))) for i in range(6)
+    ]
+    each = RecordedFrames(open_recording(write_recording(tmp_path / "each", cameras=apart)), SMALL)
+    chosen = select_from(each.path(range(6)), SelectionOptions("peaking"), SMALL)
+    assert chosen == [0, 1, 2, 3, 4, 5]
+
+
+def test_of_equal_frames_the_first_stays(tmp_path: Path) -> None:
+    """Doubled, a walk gives views from as many places, and never the later of two equal frames."""
+    walked = lateral_cameras(12, *SIZE_PX)
+    doubled = [camera for camera in walked for _ in range(2)]
+    twice = RecordedFrames(open_recording(write_recording(tmp_path / "2", cameras=doubled)), SMALL)
+    chosen = select_from(twice.path(range(24)), SelectionOptions("peaking", num_views=4), SMALL)
+    assert len(chosen) == 4
+    assert all(number % 2 == 0 for number in chosen)
 
 
 def test_frames_that_are_remembered_are_bounded(

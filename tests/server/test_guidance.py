@@ -72,6 +72,26 @@ def test_it_follows_the_views(client: TestClient) -> None:
     client.delete(f"{SESSION}/captures/{capture_id(2)}")
     undone = guidance(client, lambda g: g["views"] == 1 and g["revision"] > second["revision"])
     assert [point["views"] for point in undone["curve"]] == [1]
+    client.delete(f"{SESSION}/captures/{capture_id(1)}")
+    nothing = guidance(client, lambda g: g["views"] == 0)
+    assert nothing["revision"] > undone["revision"]  # or who saw the last would keep it
+    assert nothing["left"] == []
+
+
+def test_what_is_erased_is_in_no_guidance(client: TestClient) -> None:
+    take(client, 1)
+    guidance(client, lambda g: g["views"] == 1)
+    erased = client.patch(f"{SESSION}/captures/{capture_id(1)}", json={"ending": "erased"})
+    assert erased.status_code == 200
+    assert client.get(f"{SESSION}/guidance").json()["left"] == []
+
+
+def test_what_is_no_pose_is_left_out_of_the_walk(client: TestClient) -> None:
+    sample = {"time_s": 1.0, "peaked_share": 0.1, "views": 1, "world_from_cam": [7.0] * 12}
+    told = client.put(f"{SESSION}/peaked/{capture_id(98)}", json={"samples": [sample]})
+    assert told.status_code == 204
+    take(client, 1)
+    guidance(client, lambda g: g["views"] == 1)
 
 
 def test_what_is_left_has_a_picture_and_a_reason(client: TestClient) -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from peaking.experiments.plan import EvaluationStep
     from peaking.experiments.steps import Found
     from peaking.photographers.plan import PhotographersPlan
+    from peaking.photographers.tasks import SceneName
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,11 @@ class Photographers:
       peaking photographers --json quick.json --scenes desk --photographers 3 --photos 8 16
       peaking photographers --json gs.json --guides interval auto --splats 3
       peaking photographers --json red.json --guides threshold red --scenes room hall
+      peaking photographers --walks out/walks --scenes room --photographers 3
     """
 
-    json: Path
-    """File to write all results to."""
+    json: Path | None = None
+    """File to write all results to; can be left out with --walks alone."""
     out: Path | None = None
     """Folder for the table, pictures of scenes and paths, and what is needed to go on; default: the
     name of --json without its ending."""
@@ -46,15 +48,17 @@ class Photographers:
         "hall",
     )
     """Scenes; desk and still-life are for tuning, room and hall for reporting."""
-    guides: tuple[Literal["interval", "llff", "threshold", "red", "auto"], ...] = (
+    guides: tuple[Literal["interval", "llff", "threshold", "red", "auto", "next"], ...] = (
         "interval",
         "llff",
         "threshold",
         "red",
         "auto",
+        "next",
     )
     """An interval shutter and no guide; LLFF's grids; the paper's red, pressed at 4.28 %; our red
-    by hand; our red with the automatic shutter. All are compared with `auto`, or with the first."""
+    by hand; our red with the automatic shutter; the same with a frame to step into next. All are
+    compared with `auto`, or with the first."""
     photos: tuple[int, ...] = (8, 16, 32)
     """Limits of photos."""
     seconds: float = 60.0
@@ -67,6 +71,8 @@ class Photographers:
     """Also train 3D Gaussians on what so many photographers brought home, at the largest limit."""
     iterations: int = 2000
     """Training steps of 3D Gaussians."""
+    walks: Path | None = None
+    """Only film the walks, without a guide, and write each as a recording into this folder."""
     workers: int | None = None
     """Number of processes; default: one per core."""
     ray: str | None = None
@@ -87,6 +93,11 @@ class Photographers:
 
         with checked_arguments():
             plan = self._plan()
+        if self.walks is not None:
+            self._film(plan, self.walks)
+            return
+        if self.json is None:
+            raise ArgumentError("need --json, the file to write results to")
         out = self.json.with_suffix("") if self.out is None else self.out
         if out == self.json:
             raise ArgumentError("need --out, for --json has no ending to leave out")
@@ -95,6 +106,18 @@ class Photographers:
         say(*table_md(photographed).splitlines())
         say(photographed.costs.line())
         say(f"results: {self.json.resolve()}; table and pictures: {out.resolve()}")
+
+    def _film(self, plan: PhotographersPlan, folder: Path) -> None:
+        from tqdm import tqdm
+
+        from peaking.photographers.recording import record_walk
+
+        numbers = range(plan.photographers)
+        walks: list[tuple[SceneName, int]] = [(s, k) for s in plan.scenes for k in numbers]
+        for scene, photographer in tqdm(walks, desc="filming", unit="walk"):
+            recording = record_walk(scene, photographer, seconds=plan.seconds)
+            recording.write_subset(range(len(recording)), folder / recording.name)
+        say(f"{len(walks)} recordings: {folder.resolve()}")
 
     def _plan(self) -> PhotographersPlan:
         from peaking.experiments.reconstruct import SplatTraining

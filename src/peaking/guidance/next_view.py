@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from peaking.geometry import Camera
+from peaking.guidance.completeness import Scored
 from peaking.guidance.foresight import Foresight
 from peaking.guidance.virtual_cameras import VirtualCamera
 
@@ -16,16 +17,22 @@ MIN_HELP = 0.06
 """A view that mends less of its picture is not worth a walk."""
 
 MOST_NEW = 0.6
-"""Of what is newer than this nothing can be shown, and what is next to it is not known."""
+"""Where the photographer was not, nobody is sent into what is newer than this."""
 
 BETTER = 1.3
 """So many times as much has another pose to help, or the suggestion stays."""
 
-NEAR_STEPS, NEAR_RAD = 1.5, math.radians(25)
-"""What a view mends, it mends in pictures this close, too."""
+MENDS_STEPS, MENDS_RAD = 3.0, math.radians(35)
+"""What a view mends in other pictures falls to nothing at this distance, and at this angle."""
+
+OWN = 0.03
+"""What a view mends in its own picture, which the score is not of, counts so much …"""
 
 TURNED = 0.4
-"""What lies beside all pictures is worth so much of what lies in them: there is no end to it."""
+"""… and so much of that to the side of all pictures: there is no end to it."""
+
+NEAR_STEPS, NEAR_RAD = 2.0, math.radians(35)
+"""Two places are one where they are this close, and look this much the same way."""
 
 FAR_STEPS = 8.0
 """Half as much is it worth to walk so far."""
@@ -64,6 +71,7 @@ class Suggestion:
 def suggestions(
     virtual: Sequence[VirtualCamera],
     foreseen: Sequence[Foresight],
+    pictures: Sequence[Scored],
     *,
     step_m: float,
     here: Camera | None = None,
@@ -73,24 +81,26 @@ def suggestions(
     Args:
         virtual: Poses.
         foreseen: What is foreseen at each.
+        pictures: What the score is of: a view is worth what it mends of it.
         step_m: Length of a step.
         here: Where the photographer is, if that is known: far poses are worth less.
     """
     if not virtual:
         return []
-    help_ = np.array([each.help for each in foreseen])
-    positions_m = np.array([v.camera.position_m for v in virtual])
-    forward = np.array([v.camera.forward for v in virtual])
+    weights = np.array([each.weight for each in pictures])
+    missing = np.array([each.missing for each in pictures]) * weights / max(weights.sum(), 1e-9)
+    positions_m = np.array([each.camera.position_m for each in pictures]).reshape(-1, 3)
+    forward = np.array([each.camera.forward for each in pictures]).reshape(-1, 3)
     found: list[Suggestion] = []
     for pose, foresight in zip(virtual, foreseen, strict=True):
-        if foresight.help < MIN_HELP or foresight.new > MOST_NEW:
+        too_new = foresight.new > MOST_NEW and not pose.walked
+        if foresight.help < MIN_HELP or too_new:
             continue
         away = np.linalg.norm(positions_m - pose.camera.position_m, axis=1) / step_m
         turned = np.arccos(np.clip(forward @ pose.camera.forward, -1.0, 1.0))
-        around = (away < NEAR_STEPS) & (turned < NEAR_RAD)
-        gain = 0.5 * foresight.help + 0.5 * float(help_[around].mean())
-        if pose.turned:
-            gain *= TURNED
+        mends = np.clip(1 - away / MENDS_STEPS, 0, 1) * np.clip(1 - turned / MENDS_RAD, 0, 1)
+        own = OWN * foresight.help * (TURNED if pose.turned else 1.0)
+        gain = float(mends @ missing) + own
         if here is not None:
             walk_m = float(np.linalg.norm(here.position_m - pose.camera.position_m))
             gain /= 1 + walk_m / (FAR_STEPS * step_m)
@@ -125,7 +135,7 @@ def apart(found: Sequence[Suggestion], count: int, *, step_m: float) -> list[Sug
 def _near(a: Suggestion, b: Suggestion, step_m: float) -> bool:
     away_m = float(np.linalg.norm(a.camera.position_m - b.camera.position_m))
     turned = math.acos(min(max(float(a.camera.forward @ b.camera.forward), -1.0), 1.0))
-    return away_m < 2 * step_m and turned < 1.5 * NEAR_RAD
+    return away_m < NEAR_STEPS * step_m and turned < NEAR_RAD
 
 
 def _same(a: Camera, b: Camera) -> bool:

@@ -15,7 +15,7 @@ from jaxtyping import Float32
 
 from peaking.frame import working_size_px
 from peaking.geometry import Cam, Camera, Rigid, World, seen_by
-from peaking.guidance.completeness import ENOUGH, Verdict, score, verdict
+from peaking.guidance.completeness import ENOUGH, Verdict, score, scored, verdict
 from peaking.guidance.foresight import PIXELS, Foresight, SmallViews
 from peaking.guidance.next_view import Suggestion, apart, keep_or_change, suggestions
 from peaking.guidance.virtual_cameras import CLEARANCE, poses_around, step_length_m
@@ -116,20 +116,23 @@ class Watch:
         cameras = [mpi.camera.resized(*size_px) for mpi in mpis]
         surface_m = self._memory.surface_m(CLEARANCE * step_m)
         around = poses_around(cameras, path, surface_m, step_m)
-        if self._next is not None:  # also where it is no longer among them
-            around = [self._next.virtual, *around]
         foreseen = [self._foresee(views, virtual.camera, pause) for virtual in around]
-        scored = [
-            self._foresee(views, Camera(cameras[0].pinhole, pose), pause) for pose in _walked(path)
-        ] or [
-            foresight
-            for virtual, foresight in zip(around, foreseen, strict=True)
-            if not virtual.turned
-        ]
+        walked = [Camera(cameras[0].pinhole, pose) for pose in _walked(path)] or cameras
+        pictures = scored(
+            [(camera, self._foresee(views, camera, pause)) for camera in walked],
+            [
+                (virtual.camera, foresight)
+                for virtual, foresight in zip(around, foreseen, strict=True)
+                if not (virtual.turned or virtual.walked)
+            ],
+        )
+        if self._next is not None:  # it may be no longer among them
+            around = [self._next.virtual, *around]
+            foreseen = [self._foresee(views, self._next.camera, pause), *foreseen]
         here = Camera(cameras[0].pinhole, path[-1]) if path else cameras[-1]
-        found = suggestions(around, foreseen, step_m=step_m, here=here)
+        found = suggestions(around, foreseen, pictures, step_m=step_m, here=here)
         self._next = keep_or_change(self._next, found)
-        total = score(scored)
+        total = score(pictures)
         return Advice(
             views=len(mpis),
             score=total,

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from peaking.options import DEFAULT, PAPER, Options
 from peaking.photographers.tasks import HEIGHT_PX, WIDTH_PX
 
-GuideName = Literal["interval", "llff", "threshold", "red", "auto"]
+GuideName = Literal["interval", "llff", "threshold", "red", "auto", "next"]
 GUIDE_NAMES: tuple[GuideName, ...] = get_args(GuideName)
 
 REFERENCE: GuideName = "auto"
@@ -36,6 +36,9 @@ def _sized(options: Options) -> Options:
     return replace(options, pixels=WIDTH_PX * HEIGHT_PX)
 
 
+AUTOMATIC: frozenset[GuideName] = frozenset({"auto", "next"})
+"""Those whose shutter is automatic."""
+
 VIEWS = _sized(DEFAULT)
 """How the photos of every guide are made into MPIs that are scored."""
 
@@ -45,4 +48,5 @@ GUIDES: Mapping[GuideName, GuideKind] = {
     "threshold": GuideKind("the paper's red; a press at each 4.28 %", _sized(PAPER)),
     "red": GuideKind("our red, by hand", _sized(DEFAULT), per_budget=True),
     "auto": GuideKind("our red, automatic shutter, the best are kept", _sized(DEFAULT)),
+    "next": GuideKind("the same, with a frame to step into next", _sized(DEFAULT)),
 }

@@ -18,8 +18,15 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "threshold": (150, 90, 190),
     "red": (225, 120, 0),
     "auto": (10, 95, 200),
+    "next": (190, 30, 90),
 }
-PX_PER_M = 150.0
+PX_PER_M = 200.0
+AROUND_M = 0.6
+"""So much around the volume is drawn."""
+
+MAP_VIEWS = 64
+"""Test views that tell where the volume ends."""
+
 LOW_M, HIGH_M = 0.25, 1.7
 """What is drawn of a scene from above lies between these heights."""
 
@@ -50,22 +57,24 @@ def paths(
 def _map(
     scene: SceneName, guide: str, path: np.ndarray, photos: Sequence[Any], test_views: int
 ) -> np.ndarray:
-    points_m = open_scene(scene).mesh.points_m
-    between = points_m[(points_m[:, 2] > LOW_M) & (points_m[:, 2] < HIGH_M)][:, :2]
-    low_m, high_m = between.min(axis=0) - 0.1, between.max(axis=0) + 0.1
+    cameras = TASKS[scene].test_cameras(MAP_VIEWS)
+    places_m = np.array([camera.position_m[:2] for camera in cameras])
+    low_m, high_m = places_m.min(axis=0) - AROUND_M, places_m.max(axis=0) + AROUND_M
     width, height = ((high_m - low_m) * PX_PER_M).astype(int)
-    density = np.histogram2d(
-        between[:, 1], between[:, 0], bins=(height // 3, width // 3),
-        range=((low_m[1], high_m[1]), (low_m[0], high_m[0])),
-    )[0]  # fmt: skip
-    grey = 255 - 90 * np.clip(density / 4, 0, 1)
-    image = cv2.resize(grey, (width, height), interpolation=cv2.INTER_LINEAR)[::-1]
-    image = np.repeat(image[..., None], 3, axis=2).astype(np.uint8).copy()
+    image = np.full((height, width, 3), 255, np.uint8)
 
     def px(at_m: Float[np.ndarray, "2"]) -> tuple[int, int]:
         x, y = (at_m - low_m) * PX_PER_M
         return int(x), int(height - y)
 
+    mesh = open_scene(scene).mesh
+    corners_m = mesh.points_m[mesh.faces]
+    middle_m = corners_m.mean(axis=1)
+    shown = (middle_m[:, 2] > LOW_M) & (middle_m[:, 2] < HIGH_M)
+    order = np.argsort(middle_m[shown, 2])
+    for triangle in corners_m[shown][order]:
+        grey = 235 - int(60 * (triangle[0, 2] - LOW_M) / (HIGH_M - LOW_M))
+        cv2.fillConvexPoly(image, np.array([px(at) for at in triangle[:, :2]]), (grey,) * 3)
     colour = COLOURS[guide]
     for camera in TASKS[scene].test_cameras(test_views):
         cv2.circle(image, px(camera.position_m[:2]), 3, (205, 60, 60), 1, cv2.LINE_AA)

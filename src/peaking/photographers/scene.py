@@ -68,7 +68,7 @@ class _Seen:
 
     def __init__(self, mesh: DrawnMesh, rotation: np.ndarray, origin_m: np.ndarray) -> None:
         self._mesh, self._rotation, self._origin_m = mesh, rotation, origin_m
-        self.points_m = np.empty_like(mesh.points_m)
+        self.points_m = np.empty(mesh.points_m.shape)  # float64, so that depth is exact
         _raster_numba.to_camera(mesh.points_m, rotation, origin_m, self.points_m)
 
     def depth_pass(self, pinhole: Pinhole) -> tuple[np.ndarray, np.ndarray]:

@@ -61,7 +61,7 @@ class Screen:
         kept: list[Float64[np.ndarray, "3"]] = []
         for spot_m in self._spots_m:
             (xy_px,), (depth_m,) = frame.camera.project(spot_m[None])
-            inside = depth_m > 0 and frame.camera.sees(spot_m)
+            inside = depth_m > 0 and bool(frame.camera.sees(spot_m[None])[0])
             if not inside or red[int(xy_px[1]) - 1, int(xy_px[0]) - 1]:
                 kept.append(spot_m)
         if middle_px is not None and frame.depth_m is not None and (frame.depth_m > 0).any():
@@ -71,7 +71,7 @@ class Screen:
 
     def _arrow(self, camera: Camera) -> tuple[float, float] | None:
         """Return the angles to the nearest place that was red and is outside the picture."""
-        outside = [spot_m for spot_m in self._spots_m if not camera.sees(spot_m)]
+        outside = [spot_m for spot_m in self._spots_m if not camera.sees(spot_m[None])[0]]
         if not outside:
             return None
         angles = [_angles(camera, spot_m - camera.position_m) for spot_m in outside]

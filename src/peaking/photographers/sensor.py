@@ -11,7 +11,7 @@ import numpy as np
 
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
-from peaking.photographers.drawn.phone import phone_depth_mm
+from peaking.photographers.drawn.phone import phone_depth
 from peaking.photographers.scene import Scene
 from peaking.photographers.tasks import PINHOLE
 
@@ -65,7 +65,7 @@ def take_frame(scene: Scene, shot: Shot, seed: Sequence[int]) -> Frame:
     noise = rng.normal(0, 1.2, size=rgb.shape).astype(np.float32)
     rgb = np.clip(rgb + noise + 0.5, 0, 255).astype(np.uint8)
     scale = float(1.0 + SCALE_NOISE * rng.standard_normal())
-    sensed = phone_depth_mm(
+    sensed = phone_depth(
         np.where(depth_m > 0, depth_m, 20.0), rgb, np.zeros(depth_m.shape, np.float32),
         scale=scale, rng=rng,
     )  # fmt: skip

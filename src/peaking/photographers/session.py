@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from peaking.frame import Frame
+from peaking.geometry import Cam, Rigid, World
 from peaking.options import PAPER_PEAKED_SHARE
 from peaking.photographers.auto_shutter import WORTH_SHARE, AutoMoment, AutoShutter, Motion
-from peaking.photographers.body import Body
+from peaking.photographers.body import MOST_OFF, Body
+from peaking.photographers.ghost import Ghost
 from peaking.photographers.grid_walk import walk_the_grid
-from peaking.photographers.guides import GUIDES, GuideName
+from peaking.photographers.guides import AUTOMATIC, GUIDES, GuideName
 from peaking.photographers.screen import Screen, Shown
 from peaking.photographers.sensor import Shot, take_frame, told_camera
 from peaking.photographers.tasks import TASKS, SceneName, open_scene
@@ -45,6 +47,9 @@ has an automatic shutter, which asks for it when it is needed."""
 
 MUCH_SHARE = 0.1
 """What is much; less red slows less."""
+
+MOST_LED = 1.5
+"""How far off their walk a frame to step into may lead, in coordinates."""
 
 HOLD_S = 0.75
 """So long they hold still to press, or when the automatic shutter asks for it."""
@@ -147,7 +152,9 @@ class _Session:
         assert options is not None
         views = Reconstruction(options)
         screen = Screen(views, WORTH_SHARE)
-        slows = SLOWS_FOR_AUTO if self._guide == "auto" else SLOWS
+        ghost = Ghost(options) if self._guide == "next" else None
+        self._body.most_off = MOST_OFF if ghost is None else MOST_LED
+        slows = SLOWS_FOR_AUTO if self._guide in AUTOMATIC else SLOWS
         heed = _Heed(self._body, self._temperament, self._rng, slows)
         motion, auto = Motion(), AutoShutter()
         arriving: deque[tuple[float, Frame]] = deque()
@@ -157,13 +164,19 @@ class _Session:
             time_s = step * STEP_S
             self._note(time_s)
             while arriving and arriving[0][0] <= time_s:
-                views.add_view(arriving.popleft()[1])
+                frame = arriving.popleft()[1]
+                views.add_view(frame)
+                if ghost is not None:
+                    ghost.add_view(frame)
             shot = self._body.shot(step, time_s, self._depth_m)
-            motion.update(1e3 * time_s, told_camera(shot, self._seed))
+            told = told_camera(shot, self._seed)
+            motion.update(1e3 * time_s, told)
+            if ghost is not None:
+                ghost.walk(time_s, told)
             if views.views and step % LOOK_STEPS == 0:
                 shown = screen.show(self._frame(shot))
-            perceived = heed.look(time_s, shown)
-            if self._guide == "auto" and self._shots:
+            perceived = heed.look(time_s, shown, None if ghost is None else ghost.place)
+            if self._guide in AUTOMATIC and self._shots:
                 moment = AutoMoment(
                     1e3 * time_s,
                     not motion.too_fast,
@@ -205,8 +218,8 @@ class _Session:
         if perceived is None:
             return False
         if self._guide == "threshold":
-            return perceived.peaked_share > PAPER_PEAKED_SHARE
-        return perceived.peaked_share > self._level(time_s, limits)
+            return bool(perceived.peaked_share > PAPER_PEAKED_SHARE)
+        return bool(perceived.peaked_share > self._level(time_s, limits))
 
     def _level(self, time_s: float, limits: Limits) -> float:
         """Return how much red is worth one of the photos that are left, for who has no rule.
@@ -243,7 +256,9 @@ class _Heed:
         if time_s >= self._hold_until_s and self._rng.random() < hears:
             self._hold_until_s = time_s + HOLD_S
 
-    def look(self, time_s: float, shown: Shown | None) -> Shown | None:
+    def look(
+        self, time_s: float, shown: Shown | None, place: Rigid[World, Cam] | None = None
+    ) -> Shown | None:
         """Take in the screen, move accordingly; return what is known of it by now."""
         if shown is not None:
             self._shown.append((time_s, shown))
@@ -258,10 +273,10 @@ class _Heed:
         self._was_red = is_red
         if time_s < self._blind_until_s:
             known = None
-        self._move(time_s, known)
+        self._move(time_s, known, place)
         return known
 
-    def _move(self, time_s: float, known: Shown | None) -> None:
+    def _move(self, time_s: float, known: Shown | None, place: Rigid[World, Cam] | None) -> None:
         follows = self._temperament.follows
         self.holds_still = time_s < self._hold_until_s
         if self.holds_still:
@@ -270,6 +285,11 @@ class _Heed:
             return
         heeds = known is not None and time_s >= self._going_until_s
         is_red = known is not None and known.peaked_share >= WORTH_SHARE
+        if place is not None and known is not None and known.peaked_share < MUCH_SHARE:
+            # They step into the frame instead of going their own way.
+            self._body.rate += 0.5 * (1 - follows - self._body.rate)
+            self._body.go_to(place, follows=follows, least_s=TURN_S)
+            return
         wanted = 1.0
         if heeds:
             much = min(1.0, known.peaked_share / MUCH_SHARE) if known is not None else 0.0
@@ -283,5 +303,7 @@ class _Heed:
             far = np.hypot(right_rad, up_rad) > LEAST_TURN_RAD
             turn = follows if far else 0.0
             self._body.turn_towards(-turn * right_rad, turn * up_rad, within_s=TURN_S)
+        elif self._body.most_off > MOST_OFF:
+            self._body.stay_off()
         else:
             self._body.look_where_one_goes()

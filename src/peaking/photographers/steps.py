@@ -16,7 +16,7 @@ from peaking.experiments.reconstruct import Renderer, with_gaussians
 from peaking.frame import Frame, as_float
 from peaking.light_field import LightField, Scratch
 from peaking.metrics.psnr_ssim import psnr, ssim
-from peaking.photographers.guides import GUIDES, VIEWS
+from peaking.photographers.guides import AUTOMATIC, GUIDES, VIEWS
 from peaking.photographers.plan import SessionStep, SplatStep
 from peaking.photographers.recording import PhotoRecording
 from peaking.photographers.sensor import Shot, take_frame
@@ -72,7 +72,7 @@ def _session(step: SessionStep, stopwatch: Stopwatch) -> dict[str, Any]:
                 step.place, step.guide, step.photographer, Limits(photos, step.seconds)
             )
         elif taken is None:
-            most = None if step.guide == "auto" else largest
+            most = None if step.guide in AUTOMATIC else largest
             taken = photograph(
                 step.place, step.guide, step.photographer, Limits(most, step.seconds)
             )
@@ -95,7 +95,7 @@ def _session(step: SessionStep, stopwatch: Stopwatch) -> dict[str, Any]:
 
 def _kept(step: SessionStep, taken: Taken, photos: int, stopwatch: Stopwatch) -> Sequence[Shot]:
     """Return the photos that count: the first ones, or the best that the policy finds."""
-    if step.guide != "auto" or len(taken.shots) <= photos:
+    if step.guide not in AUTOMATIC or len(taken.shots) <= photos:
         return taken.shots[:photos]
     with stopwatch.stage("choosing"):
         frames = _frames(step.place, step.photographer, taken.shots)

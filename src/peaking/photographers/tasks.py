@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -79,9 +80,12 @@ class Task:
 
     def length_m(self, a: Coordinates, b: Coordinates) -> float:
         """Return how long it is from one place to another, turning included."""
-        (p, yaw_p, pitch_p), (q, yaw_q, pitch_q) = self.place(a), self.place(b)
-        turned_rad = abs(yaw_q - yaw_p) + abs(pitch_q - pitch_p)
-        return float(np.linalg.norm(q - p)) + METRES_PER_RAD * turned_rad
+        placed = [self.place(a + share * (b - a)) for share in np.linspace(0, 1, 9)]
+        total_m = 0.0
+        for (p, yaw_p, pitch_p), (q, yaw_q, pitch_q) in pairwise(placed):
+            turned_rad = abs(yaw_q - yaw_p) + abs(pitch_q - pitch_p)
+            total_m += float(np.linalg.norm(q - p)) + METRES_PER_RAD * turned_rad
+        return total_m
 
 
 def _desk(at: Coordinates) -> Placed:

@@ -62,6 +62,9 @@ SHARPER_BY = 1.1
 SAME_PLACE = "a view from the same place is held"
 """Why a frame is not held."""
 
+SHOWN_RIGHT = 1e-3
+"""Mean squared error, at most, of a frame that is held as a view: 30 dB."""
+
 MIN_ERROR = 1e-5
 """Mean squared errors below it count as this in decibels: 50 dB."""
 
@@ -89,8 +92,9 @@ class BackwardElimination:
     Views are weighted by distance over overlap, whatever `Options.blend_weights` says: the question
     is which view is missed, and those weights change without jumps when one goes.
 
-    A frame is never shown by its own MPI: that it could show itself says nothing about its
-    neighbours.
+    How well a frame is shown is asked of the other views, because that a view shows itself says
+    nothing about its neighbours. But a view that goes is no longer shown by itself, so what the
+    others make of it counts as lost: what one view alone shows is held.
     """
 
     def __init__(
@@ -270,16 +274,21 @@ class BackwardElimination:
             self._shown_by[t] = frozenset(blend.views)
             for i in blend.views:
                 self._shows[i].add(t)
-            touched |= self._shown_by[t]
+            touched |= self._shown_by[t] | {t}
         views = [i for i in self._seen.held if i in touched]
         without = [self._blend(t, without=i) for i in views for t in sorted(self._shows[i])]
         errors = iter(self._errors(without))
         for i in views:
-            self._loss[i] = self._lost(sorted(self._shows[i]), errors)
+            self._loss[i] = self._lost(i, sorted(self._shows[i]), errors)
 
-    def _lost(self, frames: Sequence[int], errors: Iterator[tuple[float, float]]) -> Loss:
-        """Sum up what is lost, given the errors of frames without the view."""
-        missed = psnr_db = rises = unseen = 0.0
+    def _lost(
+        self, view: int, frames: Sequence[int], errors: Iterator[tuple[float, float]]
+    ) -> Loss:
+        """Sum up what is lost, given the errors without the view of the frames it shows."""
+        own, right = self._error[view], min(self._error[view], SHOWN_RIGHT)
+        missed = own**EXPONENT - right**EXPONENT
+        psnr_db = _psnr_db(right) - _psnr_db(own)
+        rises, unseen = own - right, self._unseen[view]
         for t, (error_without, unseen_without) in zip(frames, errors, strict=False):
             missed += error_without**EXPONENT - self._error[t] ** EXPONENT
             psnr_db += _psnr_db(self._error[t]) - _psnr_db(error_without)
@@ -296,7 +305,12 @@ class BackwardElimination:
         return [(error, unseen) for error, unseen in self._shown.errors(blends).tolist()]
 
     def _step(self) -> _Step:
-        psnr_db = float(np.mean([_psnr_db(error) for error in self._error.values()] or [0.0]))
+        held = set(self._seen.held)
+        shown = [
+            _psnr_db(min(error, SHOWN_RIGHT) if t in held else error)
+            for t, error in self._error.items()
+        ]
+        psnr_db = float(np.mean(shown or [0.0]))
         return _Step(tuple(self._seen.held), psnr_db, self._worth())
 
     def _worth(self) -> dict[int, Worth]:

@@ -60,7 +60,8 @@ class CurvePoint:
 
     Attributes:
         num_views: So many.
-        psnr_db: Mean PSNR of the frames seen, each shown by other views than itself.
+        psnr_db: Mean PSNR of the frames seen, each shown by other views than itself; of those that
+            are views, at least 30.
     """
 
     num_views: int

@@ -344,6 +344,8 @@ class _Handlers:
                 do = session.erase_capture
             case None:
                 do = session.restore_capture
+        if change.ending == "erased":
+            self.guidance.forget(session.id)
         was_away = session.capture(capture_id).removed
         capture = await self._changing(request, session.id, do, capture_id)
         if was_away and not capture.removed:
@@ -442,7 +444,7 @@ class _Handlers:
         self._selections.forget(session_id)
         self.keeper.forget(session_id)
         self.hub.end(session_id)
-        self.guidance.forget(session_id)
+        self.guidance.forget_for_ever(session_id)
         self.hub.send(SERVER, self._list())
 
     def _make_missing(self, session: OpenSession) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import itertools
 import logging
 import os
 import sys
@@ -16,11 +17,12 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from peaking.errors import PeakingError
 from peaking.guidance.next_view import Suggestion
-from peaking.guidance.watch import Advice, Watch, small_views
+from peaking.guidance.watch import Advice, Pose, Watch, small_views
 from peaking.light_field import LightField
 from peaking.mpi import Mpi
 from peaking.mpi_file import read_mpi
@@ -30,7 +32,7 @@ from peaking.server import wire
 from peaking.server.fair_queue import FairQueue
 from peaking.server.open_session import OpenSession
 from peaking.server.recordings import wire_of_camera
-from peaking.server.upload import pose_of_wire
+from peaking.server.upload import BadUpload, pose_of_wire
 from peaking.view_builder import ViewBuilder
 
 MAX_WATCHED = 4
@@ -41,6 +43,9 @@ MAX_ANSWERS = 64
 
 MAX_VIEWS = 240
 """Of a session with more views, evenly chosen ones are looked at."""
+
+MAX_PATH = 512
+"""Moments of a walk that are looked at; of a longer one, every second, every fourth …"""
 
 STEPS_WALKED = 10
 """The walk is looked at again when so many samples of it have come."""
@@ -101,6 +106,8 @@ class GuidanceWorker:
         self._walked: Counter[str] = Counter()
         self._answers: OrderedDict[str, wire.Guidance] = OrderedDict()
         self._watched: OrderedDict[str, _Watched] = OrderedDict()
+        self._count = itertools.count(1)
+        self._gone: set[str] = set()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._work, name="guidance", daemon=True)
         self._thread.start()
@@ -138,10 +145,15 @@ class GuidanceWorker:
             self.want(session)
 
     def forget(self, session_id: str) -> None:
-        """Forget a session that is erased."""
+        """Forget what is known of a session of which something is erased."""
         self._answers.pop(session_id, None)
         self._watched.pop(session_id, None)
         self._walked.pop(session_id, None)
+
+    def forget_for_ever(self, session_id: str) -> None:
+        """Forget a session that is erased; what is being computed of it is thrown away."""
+        self._gone.add(session_id)
+        self.forget(session_id)
 
     def close(self) -> None:
         """End the thread, soon."""
@@ -171,20 +183,24 @@ class GuidanceWorker:
             if not capture.removed and capture.state == "ready" and not capture.guessed
         ]
         if not captures:
+            if session.id in self._answers:
+                self._answer(
+                    session, msgspec.structs.replace(NOTHING_YET, revision=next(self._count))
+                )
             return
         watched = self._watched_of(session.id)
         some = captures[:: -(-len(captures) // MAX_VIEWS)]
         mpis = self._mpis(session, some, watched)
-        path = [pose_of_wire(s.world_from_cam, name="sample") for s in session.peaked()]
-        advice = watched.watch.advise(mpis, path, pause=self._pause)
-        self._keep(session, len(captures), advice, mpis)
+        advice = watched.watch.advise(mpis, _path(session), pause=self._pause)
+        if not any(session.capture(capture.id).ending == "erased" for capture in captures):
+            self._keep(session, len(captures), advice, mpis)
 
     def _keep(self, session: OpenSession, views: int, advice: Advice, mpis: Sequence[Mpi]) -> None:
         before = self._answers.get(session.id, NOTHING_YET)
         curve = [point for point in before.curve if point.views < views]
         field_ = LightField(mpis, self._small)
         answer = wire.Guidance(
-            revision=before.revision + 1,
+            revision=next(self._count),
             views=views,
             score=advice.score,
             verdict=advice.verdict,
@@ -193,6 +209,11 @@ class GuidanceWorker:
             left=[_place(each, self._picture(each, field_, mpis[0])) for each in advice.left],
             surface_m=_some(advice.surface_m),
         )
+        self._answer(session, answer)
+
+    def _answer(self, session: OpenSession, answer: wire.Guidance) -> None:
+        if session.id in self._gone:
+            return
         self._answers.pop(session.id, None)
         self._answers[session.id] = answer  # the newest last
         while len(self._answers) > MAX_ANSWERS:
@@ -242,6 +263,18 @@ class GuidanceWorker:
             if not self._is_busy():
                 return
             self._closing.wait(WAIT_S)
+
+
+def _path(session: OpenSession) -> list[Pose]:
+    """Return where the photographer was: most of it stays while the walk goes on."""
+    samples, every = session.peaked(), 1
+    while len(samples) > MAX_PATH * every:
+        every *= 2
+    path: list[Pose] = []
+    for sample in samples[::every]:
+        with contextlib.suppress(BadUpload):  # whatever it is, it is no pose
+            path.append(pose_of_wire(sample.world_from_cam, name="world_from_cam"))
+    return path
 
 
 def _place(suggestion: Suggestion, picture: bytes | None) -> wire.GuidedPlace:

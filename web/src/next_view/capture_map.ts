@@ -35,7 +35,7 @@ export function drawMap(canvas: HTMLCanvasElement, plan: PlanView, size_px: numb
   context.strokeStyle = VIEW;
   plan.views.forEach(sign);
   context.strokeStyle = LEFT;
-  context.setLineDash([0.3 * size_px, 0.22 * size_px]);
+  if (size_px > 20) context.setLineDash([0.3 * size_px, 0.22 * size_px]);
   plan.left.forEach(sign);
   context.setLineDash([]);
 }

@@ -106,7 +106,7 @@ export class NextView {
     this.#guidance = guidance;
     this.#plan = planViewOf(this.session.views.map(({ camera }) => cameraOfWire(camera)),
       guidance.left.map(({ camera }) => cameraOfWire(camera)), guidance.surface_m);
-    show(this.#open, true);
+    show(this.#open, guidance.views > 0);
     drawMap(this.#map, this.#plan, 18);
     say(this.#score, guidance.verdict === 'go on' ? doneText(guidance) : VERDICTS[guidance.verdict]);
     this.#open.classList.toggle('enough', guidance.verdict === 'enough');

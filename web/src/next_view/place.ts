@@ -32,7 +32,9 @@ export function newFrame(): FrameInPicture {
   return { corners: new Float64Array(8), direction: [0, 0, 0], inside: false, reached: false };
 }
 
-const CORNERS = [[-1, -1], [1, -1], [1, 1], [-1, 1]] as const;
+/** Signs of x and y of the corners. */
+const RIGHT = [-1, 1, 1, -1] as const;
+const DOWN = [-1, -1, 1, 1] as const;
 const point: [number, number, number] = [0, 0, 0];
 
 /**
@@ -45,19 +47,22 @@ export function frameOf(live: Camera, suggested: Camera, out: FrameInPicture): F
   const half_x = (INNER * AHEAD_M * there.width_px) / (2 * there.fx_px);
   const half_y = (INNER * AHEAD_M * there.height_px) / (2 * there.fy_px);
   inLive(live.worldFromCam, suggested.worldFromCam, 0, 0, AHEAD_M, out.direction);
-  const [x, y, z] = out.direction;
+  const x = out.direction[0];
+  const y = out.direction[1];
+  const z = out.direction[2];
   const k = live.pinhole;
   const u = (2 * k.fx_px * x) / (z * k.width_px);
   const v = (2 * k.fy_px * y) / (z * k.height_px);
   const far = Math.max(Math.abs(u), Math.abs(v));
   let ahead = z > 0.1 * AHEAD_M;
   let size = 0;
-  CORNERS.forEach(([sx, sy], i) => {
-    inLive(live.worldFromCam, suggested.worldFromCam, sx * half_x, sy * half_y, AHEAD_M, point);
+  for (let i = 0; i < 4; i += 1) {
+    const right_m = (RIGHT[i] ?? NaN) * half_x;
+    inLive(live.worldFromCam, suggested.worldFromCam, right_m, (DOWN[i] ?? NaN) * half_y, AHEAD_M, point);
     ahead &&= point[2] > 0.05 * AHEAD_M;
     out.corners[2 * i] = (k.fx_px * point[0] / point[2] + k.cx_px) / k.width_px;
     out.corners[2 * i + 1] = (k.fy_px * point[1] / point[2] + k.cy_px) / k.height_px;
-  });
+  }
   for (let i = 0; i < 4; i += 1) {
     const j = (i + 1) % 4;
     size += Math.hypot(corner(out, j, 0) - corner(out, i, 0), corner(out, j, 1) - corner(out, i, 1)) / 4;
@@ -67,8 +72,8 @@ export function frameOf(live: Camera, suggested: Camera, out: FrameInPicture): F
   return out;
 }
 
-function corner({ corners }: FrameInPicture, i: number, axis: number): number {
-  return corners[2 * i + axis] ?? NaN;
+function corner(frame: FrameInPicture, i: number, axis: number): number {
+  return frame.corners[2 * i + axis] ?? NaN;
 }
 
 /** A point of the suggested camera's frame, in the live camera's. */
@@ -92,27 +97,22 @@ export type Move = 'left' | 'right' | 'up' | 'down' | 'closer' | 'back'
 const METRES_PER_RAD = 0.6;
 const offset: [number, number, number] = [0, 0, 0];
 const ahead: [number, number, number] = [0, 0, 0];
+/** How far to the right, down, ahead, and turned right and down; metres. */
+const way = new Float64Array(5);
+const THERE: readonly Move[] = ['right', 'down', 'closer', 'turn-right', 'turn-down'];
+const OTHER_WAY: readonly Move[] = ['left', 'up', 'back', 'turn-left', 'turn-up'];
 
 /** The largest part of the way from the live camera to a suggested one; `here`: none is left. */
 export function moveTo(live: Camera, suggested: Camera, reached: boolean): Move {
   if (reached) return 'here';
   inLive(live.worldFromCam, suggested.worldFromCam, 0, 0, 0, offset);
   inLive(live.worldFromCam, suggested.worldFromCam, 0, 0, 1, ahead);
-  const yaw = Math.atan2(ahead[0] - offset[0], ahead[2] - offset[2]);
-  const pitch = Math.asin(Math.min(Math.max(ahead[1] - offset[1], -1), 1));
+  way.set(offset);
+  way[3] = METRES_PER_RAD * Math.atan2(ahead[0] - offset[0], ahead[2] - offset[2]);
+  way[4] = METRES_PER_RAD * Math.asin(Math.min(Math.max(ahead[1] - offset[1], -1), 1));
   let most = 0;
-  let move: Move = 'here';
-  const consider = (amount: number, one: Move, other: Move): void => {
-    if (Math.abs(amount) <= most) return;
-    most = Math.abs(amount);
-    move = amount > 0 ? one : other;
-  };
-  consider(offset[0], 'right', 'left');
-  consider(offset[1], 'down', 'up');
-  consider(offset[2], 'closer', 'back');
-  consider(METRES_PER_RAD * yaw, 'turn-right', 'turn-left');
-  consider(METRES_PER_RAD * pitch, 'turn-down', 'turn-up');
-  return move;
+  for (let i = 1; i < way.length; i += 1) if (Math.abs(at(way, i)) > Math.abs(at(way, most))) most = i;
+  return (at(way, most) < 0 ? OTHER_WAY[most] : THERE[most]) ?? 'here';
 }
 
 function at(values: ArrayLike<number>, index: number): number {

@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { placeInPicture, visiblePart, type Fit, type Size } from '../../src/ui/picture_fit';
+import { placeInBox, placeInPicture, visiblePart, type Fit, type Size } from '../../src/ui/picture_fit';
 
 const size = (width: number, height: number): Size => ({ width, height });
 
@@ -32,4 +32,13 @@ test('the bars beside a picture are not the picture', () => {
   expect(place(50)).toEqual([0.5, 0.5]);
   expect(place(24)).toBeNull();
   expect(place(76)).toBeNull();
+});
+
+test.each(['contain', 'cover'] as const)('a place in a picture and in its box, %s: there and back', (fit) => {
+  const picture = { width: 300, height: 600 };
+  const box = { width: 412, height: 700 };
+  const [x_px, y_px] = placeInBox(picture, box, fit, 0.4, 0.55, [0, 0]);
+  const back = placeInPicture(picture, box, fit, x_px, y_px);
+  expect(back?.[0]).toBeCloseTo(0.4, 9);
+  expect(back?.[1]).toBeCloseTo(0.55, 9);
 });

@@ -1,16 +1,16 @@
 # pyright: basic
 """The parts of the desk scene; each has its own generator, so that one can change alone."""
 
-from peaking.photographers.drawn import desk, desk_room
+from peaking.photographers.drawn import desk_room, desk_things
 
 PARTS = (
     desk_room.room,
     desk_room.bookshelf,
     desk_room.far_furniture,
-    desk.desk,
-    desk.near_plant,
-    desk.computer,
-    desk.papers,
-    desk.small_things,
-    desk.mirror_and_glass,
+    desk_things.desk,
+    desk_things.near_plant,
+    desk_things.computer,
+    desk_things.papers,
+    desk_things.small_things,
+    desk_things.mirror_and_glass,
 )

@@ -30,7 +30,7 @@ def scale_errors(count: int, seed: int) -> np.ndarray:
     return 1.0 + 0.005 * errors
 
 
-def phone_depth_mm(
+def phone_depth(
     seen_m: np.ndarray,
     image: np.ndarray,
     dropout: np.ndarray,
