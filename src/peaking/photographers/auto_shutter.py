@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from peaking.geometry import Camera
-from peaking.options import PAPER_PEAKED_SHARE
+from peaking.selection.auto_shutter import WORTH_SHARE
 
-WORTH_SHARE = PAPER_PEAKED_SHARE / 4
 LASTS_MS, PAUSE_MS, PATIENCE_MS = 250, 700, 3000
 TOO_FAST_M_PER_S, TOO_FAST_RAD_PER_S = 0.8, 1.2
 STEADY_M_PER_S, STEADY_RAD_PER_S = 0.27, 0.4
