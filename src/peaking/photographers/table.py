@@ -114,7 +114,7 @@ def _differences(found: Photographed, model: str) -> list[str]:
             cells: list[str] = []
             for photos in limits:
                 cell = [
-                    f"{form.format(d.difference)} ({form.format(d.low)} … {form.format(d.high)})"
+                    _with_interval(form, d.difference, d.low, d.high)
                     for d in some
                     if (d.measure, d.scene, d.other, d.photos) == (measure, scene, other, photos)
                 ]
@@ -122,6 +122,13 @@ def _differences(found: Photographed, model: str) -> list[str]:
             name = f"*{scene}*" if scene in (REPORT, TUNED) else scene
             lines.append(f"| {title} | {name} | {other} | " + " | ".join(cells) + " |")
     return lines
+
+
+def _with_interval(form: str, value: float, low: float, high: float) -> str:
+    """Return a value with its interval, which one photographer alone does not have."""
+    if low == high:
+        return form.format(value)
+    return f"{form.format(value)} ({form.format(low)} … {form.format(high)})"
 
 
 def _needed(found: Photographed, model: str) -> list[str]:
@@ -137,7 +144,7 @@ def _needed(found: Photographed, model: str) -> list[str]:
     ]
     for scene, other in dict.fromkeys((n.scene, n.other) for n in some):
         cells = [
-            f"{n.share:.0%} ({n.low:.0%} … {n.high:.0%}){'' if n.reached else '*'}"
+            _with_interval("{:.0%}", n.share, n.low, n.high) + ("" if n.reached else "*")
             for n in some
             if (n.scene, n.other) == (scene, other)
         ]

@@ -66,17 +66,31 @@ def write_text(
     bold: bool = False,
 ) -> float:
     """Draw a line of text whose baseline starts at `at_px` (x, y), clipped; returns its width."""
-    size_px, face = round(height_px * 1.35), cv2.FontFace("sans")
+    size_px = round(height_px * 1.35)
     # Text can be drawn in 8 bits only: it is drawn as a mask.
     mask = np.zeros((2 * size_px, (len(text) + 2) * size_px), np.uint8)
-    (width, _), _ = cv2.putText(
-        mask, text, (0, int(1.5 * size_px)), (255,), face, size_px, 700 if bold else 430
-    )
+    width = _put_text(mask, text, (0, int(1.5 * size_px)), size_px, bold)
     x, y = int(at_px[0]), int(at_px[1]) - int(1.5 * size_px)
     top, left = max(0, -y), max(0, -x)
     area = image[y + top : y + mask.shape[0], x + left : x + mask.shape[1]]
     alpha = mask[top : top + area.shape[0], left : left + area.shape[1], None] / 255.0
     area[:] = area * (1 - alpha) + np.asarray(colour) * alpha
+    return float(width)
+
+
+def _put_text(
+    mask: np.ndarray, text: str, at_px: tuple[int, int], size_px: int, bold: bool
+) -> float:
+    """Write in OpenCV 5's sans, or in the strokes that OpenCV 4 has; return the width."""
+    if hasattr(cv2, "FontFace"):
+        weight = 700 if bold else 430
+        (width, _), _ = cv2.putText(
+            mask, text, at_px, (255,), cv2.FontFace("sans"), size_px, weight
+        )
+        return float(width)
+    font, scale, thick = cv2.FONT_HERSHEY_SIMPLEX, size_px / 32, 2 if bold else 1
+    cv2.putText(mask, text, at_px, font, scale, (255,), thick, cv2.LINE_AA)
+    (width, _), _ = cv2.getTextSize(text, font, scale, thick)
     return float(width)
 
 
