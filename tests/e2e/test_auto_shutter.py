@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from playwright.sync_api import BrowserContext
 
 from e2e.virtual_phone_page import VirtualPhonePage, moved
@@ -18,6 +20,13 @@ def says(phone: VirtualPhonePage) -> str:
 def is_calm(phone: VirtualPhonePage) -> bool:
     """Return whether the picture is shown rightly, all views taking part."""
     return says(phone) == "Auto: nothing new from here" and set(phone.states()) == {"ready"}
+
+
+def automatic(server: LiveServer) -> list[bool]:
+    """Return, of each capture that the server has, whether the automatic shutter took it."""
+    log = next(iter(server.sessions.glob("*/log.jsonl")))
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    return [event["automatic"] for event in events if event["type"] == "CaptureStored"]
 
 
 def test_it_takes_views_until_nothing_is_new(context: BrowserContext, server: LiveServer) -> None:
@@ -40,6 +49,7 @@ def test_it_takes_views_until_nothing_is_new(context: BrowserContext, server: Li
     phone.keep_picture("auto-shutter")
 
     taken = len(phone.views())
+    assert automatic(server) == [False] * before + [True] * (taken - before)
     button.click()
     phone.hold(moved(-FAR_M))
     phone.let_pass(60)

@@ -2,6 +2,10 @@
 
 `scan` finds the nearest depth, `plenoptic` turns it into a spacing and a grid, `planes` and
 `hemisphere` are the other layouts that the paper names, `guide` says which targets are taken.
+
+Without targets, `watch` says where the next view helps most and how complete a capture is
+(docs/guidance.md): `virtual_cameras` are poses around the walk, `foresight` says what is to be
+expected at each, `next_view` chooses one, `completeness` scores.
 """
 
 from peaking.guidance.guide import Guide, GuideProgress, Tolerance, progress

@@ -22,7 +22,7 @@ MOST_NEW = 0.6
 BETTER = 1.3
 """So many times as much has another pose to help, or the suggestion stays."""
 
-MENDS_STEPS, MENDS_RAD = 3.0, math.radians(35)
+MENDS_STEPS, MENDS_RAD = 2.0, math.radians(35)
 """What a view mends in other pictures falls to nothing at this distance, and at this angle."""
 
 OWN = 0.03

@@ -12,7 +12,6 @@ import os
 import queue
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -79,7 +78,8 @@ class Keeper:
         self._most = most_automatic
         self._due: queue.SimpleQueue[OpenSession | None] = queue.SimpleQueue()
         self._waiting: set[str] = set()
-        self._watched: OrderedDict[str, _Watched] = OrderedDict()
+        self._watched: dict[str, _Watched] = {}
+        """By session, the one that was looked at longest ago first."""
         self._closed = False
         self._thread: threading.Thread | None = None
 
@@ -164,10 +164,10 @@ class Keeper:
         if watched is None or any(capture.id in watched.gone for capture in candidates):
             # A view that is there again cannot be looked at a second time.
             watched = _Watched(BackwardElimination(None, self._options, most_held=2 * self._most))
+        self._watched.pop(session.id, None)
         self._watched[session.id] = watched
-        self._watched.move_to_end(session.id)
-        while len(self._watched) > REMEMBERED:
-            self._watched.popitem(last=False)
+        for longest in list(self._watched)[:-REMEMBERED]:
+            self._watched.pop(longest, None)
         there = {capture.id for capture in candidates}
         for capture_id in watched.seen.keys() - there:
             watched.policy.give_up({watched.seen.pop(capture_id)})

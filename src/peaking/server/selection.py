@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -47,31 +48,34 @@ class DamagedMpi(PeakingError):
 
 
 class Selections:
-    """Answers to questions for a selection; asking twice is cheap. For one thread at a time."""
+    """Answers to questions for a selection; asking twice is cheap. May be used from any thread."""
 
     def __init__(self, options: Options) -> None:
         """Begin without answers."""
         self._options = options
+        self._lock = threading.Lock()
         self._known: OrderedDict[tuple[str, wire.SelectionQuery], _Known] = OrderedDict()
 
     def ask(self, session: OpenSession, query: wire.SelectionQuery) -> wire.Selection:
         """Return what a policy chooses; raises as `select_captures`."""
         key, candidates = (session.id, query), candidates_of(session)
         looked_at = tuple((capture.id, capture.mpi_version) for capture in candidates)
-        known = self._known.get(key)
+        with self._lock:
+            known = self._known.get(key)
         if known is None or known.looked_at != looked_at:
             known = _Known(looked_at, select_captures(session, candidates, query, self._options))
+        with self._lock:
             self._known[key] = known
-        self._known.move_to_end(key)
-        while len(self._known) > REMEMBERED:
-            self._known.popitem(last=False)
+            self._known.move_to_end(key)
+            while len(self._known) > REMEMBERED:
+                self._known.popitem(last=False)
         return known.selection
 
     def forget(self, session_id: str) -> None:
         """Forget the answers about a session."""
-        for key in list(self._known):
-            if key[0] == session_id:
-                self._known.pop(key, None)
+        with self._lock:
+            for key in [key for key in self._known if key[0] == session_id]:
+                del self._known[key]
 
 
 @dataclass(frozen=True)
