@@ -135,7 +135,7 @@ class BackwardElimination:
         self._unseen: dict[int, float] = {}
         self._shown_by: dict[int, frozenset[int]] = {}
         self._shows: dict[int, set[int]] = {}
-        self._loss: dict[int, Loss] = {}
+        self._others_lose: dict[int, Loss] = {}
         self._last: _Step | None = None
         self._curve: list[CurvePoint] = []
 
@@ -237,7 +237,7 @@ class BackwardElimination:
     def _replace(self, old: int, new: int, mpi: Mpi, *, also: set[int]) -> None:
         """Hold a frame instead of a view from the same place."""
         self._seen.release(old)
-        del self._loss[old]
+        del self._others_lose[old]
         self._hold(new, mpi)
         self._sharper.add(new)
         shown_now = self._seen.shown_by(new, self._options.neighbours)
@@ -252,10 +252,10 @@ class BackwardElimination:
         sharper one stays.
         """
         held = [i for i in self._seen.held if among is None or i in among]
-        missed = np.array([self._loss[i].missed for i in held])
+        missed = np.array([self._loss(i).missed for i in held])
         least = held[int(np.argmin(np.where(missed > 0, missed * self._sharp.worth(held), missed)))]
         self._seen.release(least)
-        del self._loss[least]
+        del self._others_lose[least]
         self._look_again(sorted(self._shows[least]), also=set())
         del self._shows[least]
         self._shown.remove_mpi(least)
@@ -274,27 +274,33 @@ class BackwardElimination:
             self._shown_by[t] = frozenset(blend.views)
             for i in blend.views:
                 self._shows[i].add(t)
-            touched |= self._shown_by[t] | {t}
+            touched |= self._shown_by[t]
         views = [i for i in self._seen.held if i in touched]
         without = [self._blend(t, without=i) for i in views for t in sorted(self._shows[i])]
         errors = iter(self._errors(without))
         for i in views:
-            self._loss[i] = self._lost(i, sorted(self._shows[i]), errors)
+            self._others_lose[i] = self._lost(sorted(self._shows[i]), errors)
 
-    def _lost(
-        self, view: int, frames: Sequence[int], errors: Iterator[tuple[float, float]]
-    ) -> Loss:
-        """Sum up what is lost, given the errors without the view of the frames it shows."""
-        own, right = self._error[view], min(self._error[view], SHOWN_RIGHT)
-        missed = own**EXPONENT - right**EXPONENT
-        psnr_db = _psnr_db(right) - _psnr_db(own)
-        rises, unseen = own - right, self._unseen[view]
+    def _lost(self, frames: Sequence[int], errors: Iterator[tuple[float, float]]) -> Loss:
+        """Sum up what frames lose, given their errors without the view."""
+        missed = psnr_db = rises = unseen = 0.0
         for t, (error_without, unseen_without) in zip(frames, errors, strict=False):
             missed += error_without**EXPONENT - self._error[t] ** EXPONENT
             psnr_db += _psnr_db(self._error[t]) - _psnr_db(error_without)
             rises += error_without - self._error[t]
             unseen += unseen_without - self._unseen[t]
         return Loss(missed, psnr_db, rises, unseen)
+
+    def _loss(self, view: int) -> Loss:
+        """Return what is lost when a view goes: what others lose, and that it shows itself."""
+        others = self._others_lose[view]
+        own, right = self._error[view], min(self._error[view], SHOWN_RIGHT)
+        return Loss(
+            others.missed + own**EXPONENT - right**EXPONENT,
+            others.psnr_db + _psnr_db(right) - _psnr_db(own),
+            others.error + own - right,
+            others.unseen + self._unseen[view],
+        )
 
     def _blend(self, target: int, *, without: int | None = None) -> Blend:
         """Return which views held show a frame, and their weights."""
@@ -315,10 +321,10 @@ class BackwardElimination:
 
     def _worth(self) -> dict[int, Worth]:
         frames = max(1, len(self._seen))
-        return {i: Worth(loss.psnr_db / frames, self._why(i)) for i, loss in self._loss.items()}
+        return {i: Worth(self._loss(i).psnr_db / frames, self._why(i)) for i in self._seen.held}
 
     def _why(self, view: int) -> Why:
-        loss = self._loss[view]
+        loss = self._loss(view)
         if 2 * loss.unseen > loss.error:
             return ALONE
         return SHARPER if view in self._sharper else WRONG

@@ -226,8 +226,8 @@ class CurvePoint(Struct, frozen=True):
 
     num_views: int
     psnr_db: float
-    """Predicted: mean PSNR of all captures, each shown by the best so many others; of those that are
-    among these, at least 30."""
+    """Predicted: mean PSNR of all captures, each shown by the best so many others; at least 30 for
+    those that are among these."""
 
 
 class Selection(Struct, frozen=True):
