@@ -39,7 +39,7 @@ def test_a_policy_decides_what_is_captured(walked: Path, tmp_path: Path, policy:
     assert len(open_recording(out / "captured")) == summary["captured"]
     assert all(row["reason"] for row in rows)
     dropped = [row for row in rows if row["dropped_at"]]
-    assert bool(dropped) == (policy == "peaking")
+    assert bool(dropped) == (policy in ("peaking", "auto-shutter"))
     for row in dropped:
         assert int(row["index"]) <= int(row["dropped_at"]) < FRAMES
         assert row["captured"] == "false"
