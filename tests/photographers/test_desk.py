@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from peaking.datasets import open_recording
 from peaking.photographers.drawn import desk_scene
@@ -17,7 +16,6 @@ MM = 0.0006
 """Half a millimetre, by which depth was rounded, and a little."""
 
 
-@pytest.mark.skipif(not (DESK / "transforms.json").exists(), reason="no sample scene")
 def test_depth_is_that_of_the_sample_scene() -> None:
     drawn = [make(np.random.default_rng((7, k))) for k, make in enumerate(desk_scene.PARTS)]
     mesh, _ = build_mesh(drawn)
