@@ -307,7 +307,7 @@ def test_all_unknown_depth_says_so(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["replay", "{room}/nowhere", "--out", "{out}"], "transforms.json"),
+        (["replay", "{room}/nowhere", "--out", "{out}"], "nowhere"),
         (["replay", "{room}", "--out", "{out}", "--threshold", "1.5"], "threshold"),
         (["replay", "{room}", "--out", "{out}", "--max-frames", "0"], "--max-frames"),
         (["replay", "{room}", "--out", "{out}", "--neighbours", "0"], "neighbours"),

@@ -56,6 +56,15 @@ MAX_TRACE_PICTURE_BYTES = 4_000_000
 MAX_TRACE_UNPACKED_BYTES = 2**27
 """Of all that is in a trace, which is held in memory."""
 
+# Archives (zip), which are unpacked into the user's cache.
+
+MAX_ARCHIVE_FILES = 200_000
+MAX_ARCHIVE_BYTES = 2**36
+"""Of all files in it, unpacked."""
+
+MAX_ARCHIVE_RATIO = 200
+"""Unpacked over packed: pictures hardly shrink, depth of a wall does by 100."""
+
 # Other files.
 
 MAX_TRANSFORMS_BYTES = 2**26

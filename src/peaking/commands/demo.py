@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.terminal import say
 
 
@@ -41,6 +42,7 @@ class Demo:
     """Do not open the browser."""
     keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -51,11 +53,10 @@ class Demo:
 
         from peaking.commands.python_version import say_when_outdated
         from peaking.commands.serving import check_port, keep_private, preparation_said, say_skipped
-        from peaking.datasets import open_recording
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
-        from peaking.server.traces import Played, PlayedTrace
+        from peaking.server.traces import Played, PlayedTrace, is_trace
         from peaking.server.warm_up import WarmUp
 
         check_port(self.port)
@@ -74,10 +75,10 @@ class Demo:
         query = "?source=virtual&auto=on"
         if self.scene is not None:
             played = self.scene.resolve().name
-            if self.scene.is_file() and self.scene.suffix != ".json":
+            if is_trace(self.scene):
                 recordings[played] = PlayedTrace(self.scene)
             else:
-                recording = open_recording(self.scene, confined=not self.follow_links)
+                recording = self.reading.open(self.scene, confined=not self.follow_links)
                 recordings[played] = PlayedRecording(played, recording)
             query = f"?source=replay&recording={quote(played)}&auto=on"
         listener = bind("127.0.0.1" if self.host == "localhost" else self.host, self.port)

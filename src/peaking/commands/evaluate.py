@@ -37,7 +37,8 @@ class Evaluate:
     """
 
     scenes: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Nerfstudio folders with depth (without depth: only 3dgs, and strategies that use poses)."""
+    """Recordings of any format (docs/formats.md), with depth (without: only 3dgs, and strategies
+    that use poses)."""
     out: Path
     """Folder to write the results to."""
     strategies: tuple[PolicyName, ...] = POLICY_NAMES

@@ -10,6 +10,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.terminal import say
 
 
@@ -24,7 +25,7 @@ class Generate:
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
-    """A nerfstudio folder with depth."""
+    """A recording of any format (docs/formats.md), or a zip of one."""
     out: Path
     """The .mpi file to write; an old one is replaced."""
     frame: int = 0
@@ -33,11 +34,11 @@ class Generate:
     """How the tiles are stored."""
     quality: int = 90
     """With --codec jpeg: JPEG quality, 1…100."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
         """Generate and write."""
-        from peaking.datasets import open_recording
         from peaking.mpi_file import write_mpi
         from peaking.view_builder import ViewBuilder
 
@@ -45,7 +46,7 @@ class Generate:
             raise ArgumentError(f"need --quality of 1..100, got {self.quality}")
         with checked_arguments():
             builder = ViewBuilder(self.method.options())
-        recording = open_recording(self.scene)
+        recording = self.reading.open(self.scene)
         if not 0 <= self.frame < len(recording):
             raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
         made = builder.build(recording.read(self.frame))

@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.terminal import say
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ class Render:
     """
 
     source: Annotated[Path, tyro.conf.Positional]
-    """An .mpi file, or a nerfstudio folder; all its frames are used as captured views."""
+    """An .mpi file, or a recording of any format (docs/formats.md); all its frames are used as
+    captured views."""
     out: Path
     """The PNG file to write; an old one is replaced."""
     frame: int = 0
@@ -43,6 +45,7 @@ class Render:
     """Rotation to the right and down (degrees)."""
     show: Literal["colour", "alpha", "depth"] = "colour"
     """Colour with alpha, alpha as grey, or depth as 16-bit millimetres."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -63,7 +66,6 @@ class Render:
         say(f"{self.out}: {np.mean(rendering.alpha > 0.5):.1%} of the picture is covered by a view")
 
     def _light_field_and_camera(self) -> tuple[LightField, Camera]:
-        from peaking.datasets import open_recording
         from peaking.light_field import LightField
         from peaking.mpi_file import read_mpi
         from peaking.pipeline import Reconstruction
@@ -71,10 +73,10 @@ class Render:
 
         with checked_arguments():
             options = self.method.options()
-        if not self.source.is_dir():
+        if self.source.suffix.lower() == ".mpi" or not self.source.exists():
             mpi = read_mpi(self.source)
             return LightField([mpi], options), mpi.camera
-        recording = open_recording(self.source)
+        recording = self.reading.open(self.source)
         if not 0 <= self.frame < len(recording):
             raise ArgumentError(f"need --frame of 0..{len(recording) - 1}, got {self.frame}")
         scene = Reconstruction(options)

@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.options import PAPER_PEAKED_SHARE, PolicyName
 from peaking.terminal import say
 
@@ -37,7 +38,7 @@ class Replay:
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
-    """A nerfstudio folder: transforms.json, pictures, depth as 16-bit PNG in millimetres."""
+    """A recording of any format (docs/formats.md), or a zip of one."""
     out: Path
     """Folder to write; it must be empty or not exist."""
     policy: PolicyName = "threshold"
@@ -73,6 +74,7 @@ class Replay:
     """Keep the metadata of the pictures in captured/: EXIF with GPS, XMP, comments."""
     json: Path | None = None
     """Also write summary.json to this file."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -80,7 +82,6 @@ class Replay:
         from tqdm import tqdm
 
         from peaking.commands.serving import keep_private
-        from peaking.datasets import open_recording
         from peaking.output import write_atomically
         from peaking.replay.guided import GuideOptions
         from peaking.replay.run import ReplayOptions, replay
@@ -90,7 +91,7 @@ class Replay:
         keep_private()
         if not self.no_video:
             find_h264_encoder()
-        recording = open_recording(self.scene)
+        recording = self.reading.open(self.scene)
         with checked_arguments(num_views="--views", threshold_share="--threshold"):
             guide = None
             if self.guide is not None:

@@ -1,13 +1,46 @@
-"""The recording that commands use when none is named."""
+"""The recordings that commands open."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import tyro
+
+from peaking.commands.arguments import with_plain_help
 from peaking.errors import RecordingError
+from peaking.terminal import say
+
+if TYPE_CHECKING:
+    from peaking.datasets import Recording
 
 SAMPLE = Path("scenes/desk")
+
+
+@tyro.conf.configure(tyro.conf.OmitArgPrefixes)
+@with_plain_help
+@dataclass(frozen=True)
+class SceneOptions:
+    """How the recording is read."""
+
+    format: str | None = None
+    """Its format (`peaking info` names them), where looking at it does not tell."""
+    images: Path | None = None
+    """The folder of its pictures, where these lie elsewhere: of a COLMAP model, say."""
+
+    def open(self, scene: Path, *, confined: bool = False) -> Recording:
+        """Open a recording, and print what was left out or guessed.
+
+        Raises:
+            RecordingError: It cannot be used.
+        """
+        from peaking.datasets import Reading, open_recording
+
+        recording = open_recording(scene, Reading(self.format, self.images), confined=confined)
+        say(*(f"{scene}: {note}" for note in recording.notes))
+        return recording
 
 
 def scenes_or_sample(scenes: Sequence[Path]) -> Sequence[Path]:

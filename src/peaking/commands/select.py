@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.terminal import say
 
 STARTING = "starting (the first run compiles for a minute)"
@@ -34,7 +35,7 @@ class Select:
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
-    """A nerfstudio folder: transforms.json and pictures, with or without depth."""
+    """A recording of any format (docs/formats.md), or a zip of one; with or without depth."""
     out: Path
     """Folder to write; it must be empty or not exist."""
     views: int | Literal["auto"] = "auto"
@@ -45,6 +46,7 @@ class Select:
     """Keep the metadata of the pictures: EXIF with GPS, XMP, comments."""
     json: Path | None = None
     """Also write the choice and the seconds to this file, as JSON."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -55,11 +57,10 @@ class Select:
         from peaking.best_frames.files import write_best_frames
         from peaking.commands.results import write_results
         from peaking.commands.serving import keep_private
-        from peaking.datasets import open_recording
         from peaking.output import complete_or_absent
 
         keep_private()
-        recording = open_recording(self.scene)
+        recording = self.reading.open(self.scene)
         recording.check_subset(
             range(len(recording)), follow_links=self.follow_links, keep_exif=self.keep_exif
         )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
+from peaking.commands.scenes import SceneOptions
 from peaking.terminal import say
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ class Splat:
     """
 
     scene: Annotated[Path, tyro.conf.Positional]
-    """A nerfstudio folder (a session of `peaking serve` is one), with or without depth."""
+    """A recording of any format (docs/formats.md; a session of `peaking serve` is one), with or
+    without depth."""
     out: Path
     """The .ply file to write; an old one is replaced."""
     iterations: int = 2000
@@ -59,6 +61,7 @@ class Splat:
     """Camera poses to train on: the recorded ones or COLMAP's (extra `colmap`)."""
     json: Path | None = None
     """Also write the number of Gaussians and the PSNR to this file, as JSON."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Train and write."""
@@ -177,9 +180,7 @@ class Splat:
         """Return the chosen frames and, from COLMAP, points."""
         import numpy as np
 
-        from peaking.datasets import open_recording
-
-        recording = open_recording(self.scene)
+        recording = self.reading.open(self.scene)
         count = min(self.views or len(recording), len(recording))
         indices = np.linspace(0, len(recording) - 1, count).round().astype(int).tolist()
         if self.cameras == "recorded":

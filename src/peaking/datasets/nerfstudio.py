@@ -104,6 +104,16 @@ class NerfstudioRecording:
         return self.root.resolve().name
 
     @property
+    def format(self) -> str:
+        """What people call its format."""
+        return "nerfstudio"
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Nothing: what is wrong is refused."""
+        return ()
+
+    @property
     def path(self) -> Path:
         """The file that says what there is: transforms.json."""
         return self.root / FILE_NAME

@@ -35,6 +35,16 @@ class Recording(Protocol):
         ...
 
     @property
+    def format(self) -> str:
+        """What people call its format."""
+        ...
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences about what was left out, or guessed, when it was opened."""
+        ...
+
+    @property
     def names(self) -> Sequence[str]:
         """Unique names of the frames that are good as file names."""
         ...
@@ -109,7 +119,7 @@ class Recording(Protocol):
         follow_links: bool = False,
         keep_exif: bool = False,
     ) -> Recording:
-        """Write some frames as a recording of the same format, and return it opened.
+        """Write some frames as a data set in nerfstudio's format, and return it opened.
 
         Every frame says which one of this recording it was. What was written is read back and
         compared; `out` appears only when it is complete.

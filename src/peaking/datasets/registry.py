@@ -1,13 +1,34 @@
-"""The formats of recordings."""
+"""The formats of recordings, and which one a path is of."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from peaking.datasets import nerfstudio
+from peaking.datasets import archive, nerfstudio
 from peaking.datasets.recording import Recording
+from peaking.errors import RecordingError
+
+_DEPTH = 3
+"""Folders that an archive may have around its recording."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a recording is to be read, where looking at the path does not tell.
+
+    Attributes:
+        format: Its format's name (`FORMATS`); None: the first that recognises it.
+        images: The folder of its pictures, for formats whose pictures may lie elsewhere (COLMAP).
+    """
+
+    format: str | None = None
+    images: Path | None = None
+
+
+AS_FOUND = Reading()
 
 
 @dataclass(frozen=True)
@@ -15,38 +36,92 @@ class Format:
     """A format that can be read.
 
     Attributes:
-        name: What people call it.
-        recognises: Whether a path looks like it, at a glance.
+        name: What people call it, in lower case.
+        looks_like: What one sees of it on disk, for who asks why a path is of no format.
+        recognises: Whether a path looks like it, at a glance; never raises.
         open: Opens a recording, confined or not; raises `RecordingError` with file, field and
             remedy.
     """
 
     name: str
+    looks_like: str
     recognises: Callable[[Path], bool]
-    open: Callable[[Path, bool], Recording]
+    open: Callable[[Path, Reading, bool], Recording]
 
 
 FORMATS: Sequence[Format] = (
     Format(
         "nerfstudio",
+        "a folder with transforms.json",
         nerfstudio.recognises,
-        lambda root, confined: nerfstudio.open_recording(root, confined=confined),
+        lambda root, _, confined: nerfstudio.open_recording(root, confined=confined),
     ),
 )
-"""Asked in this order; what none recognises is opened as the first, whose complaint is shown."""
+"""Asked in this order."""
+
+NAMES: Sequence[str] = tuple(known.name for known in FORMATS)
 
 
-def open_recording(path: Path | str, *, confined: bool = False) -> Recording:
-    """Open a recording of any format.
+def open_recording(
+    path: Path | str, reading: Reading = AS_FOUND, *, confined: bool = False
+) -> Recording:
+    """Open a recording of any format: a folder, a zip of one, or a file.
 
     Args:
         path: Where it lies.
+        reading: How, where looking at the path does not tell.
         confined: Read no file through a link that leaves the recording, now and later: for what is
             handed on to others.
 
     Raises:
         RecordingError: The first thing that is wrong, with its file, field and remedy.
     """
-    root = Path(path)
-    chosen = next((known for known in FORMATS if known.recognises(root)), FORMATS[0])
-    return chosen.open(root, confined)
+    given = Path(path)
+    if not os.path.lexists(given):
+        raise RecordingError(given, "does not exist", remedy="name a recording")
+    named = _named(given, reading.format)
+    if archive.is_archive(given):
+        inside = archive.unpacked(given)
+        for root in _folders(inside):
+            known = named or _format_of(root)
+            if known is not None and known.recognises(root):
+                return known.open(root, reading, confined)
+        raise _unknown(given, "holds no recording of a format that is known")
+    known = named or _format_of(given)
+    if known is None:
+        raise _unknown(given, "is no recording of a format that is known")
+    return known.open(given, reading, confined)
+
+
+def format_of(path: Path) -> str | None:
+    """Return the name of the format that a path looks like, or None."""
+    known = _format_of(path)
+    return None if known is None else known.name
+
+
+def _format_of(path: Path) -> Format | None:
+    return next((known for known in FORMATS if known.recognises(path)), None)
+
+
+def _named(path: Path, name: str | None) -> Format | None:
+    if name is None:
+        return None
+    known = next((known for known in FORMATS if known.name == name), None)
+    if known is None:
+        problem = f"is to be read as {name!r}, which is no format"
+        raise RecordingError(path, problem, remedy=f"give one of {', '.join(NAMES)}")
+    return known
+
+
+def _folders(root: Path) -> list[Path]:
+    """Return a folder and those in it, the upper ones first, as deep as is looked."""
+    found, level = [root], [root]
+    for _ in range(_DEPTH):
+        level = [below for above in level for below in sorted(above.iterdir()) if below.is_dir()]
+        found += level
+    return found
+
+
+def _unknown(path: Path, problem: str) -> RecordingError:
+    kinds = "; ".join(f"{known.name} ({known.looks_like})" for known in FORMATS)
+    return RecordingError(path, problem, remedy=f"give one of these: {kinds}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,9 +10,9 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from peaking.datasets import Recording, open_recording
+from peaking.datasets.nerfstudio_writer import WrittenFrame, write_frames
 from peaking.frame import Frame
-from peaking.geometry import OPENCV_FROM_OPENGL, Camera
-from peaking.output import complete_or_absent, depth_mm, encode_jpeg, encode_png
+from peaking.geometry import Camera
 from peaking.photographers.body import Body
 from peaking.photographers.sensor import take_frame
 from peaking.photographers.session import seed_of, temperament_of
@@ -41,6 +40,16 @@ class PhotoRecording:
     def path(self) -> Path:
         """It lies nowhere; this is its name."""
         return Path(self._name)
+
+    @property
+    def format(self) -> str:
+        """It has none on disk."""
+        return "in memory"
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Nothing is left out."""
+        return ()
 
     @property
     def names(self) -> Sequence[str]:
@@ -121,43 +130,8 @@ class PhotoRecording:
         """
         if not indices or len(set(indices)) < len(indices):
             raise ValueError(f"need different indices, at least one, got {list(indices)}")
-        write_frames([self.read(i) for i in indices], out)
+        write_frames((WrittenFrame(self.read(i)) for i in indices), out)
         return open_recording(out)
-
-
-def write_frames(frames: Sequence[Frame], out: Path) -> None:
-    """Write frames with depth as a folder in nerfstudio's format.
-
-    Raises:
-        OutputError: `out` is taken, full or not writable.
-    """
-    with complete_or_absent(out) as partial:
-        (partial / "images").mkdir(parents=True)
-        (partial / "depths").mkdir()
-        listed: list[dict[str, object]] = []
-        for frame in frames:
-            k = frame.camera.pinhole
-            picture, depth = f"images/{frame.name}.jpg", f"depths/{frame.name}.png"
-            (partial / picture).write_bytes(encode_jpeg(frame.rgb))
-            assert frame.depth_m is not None
-            (partial / depth).write_bytes(encode_png(depth_mm(frame.depth_m)))
-            matrix = frame.camera.world_from_cam.matrix() @ OPENCV_FROM_OPENGL
-            listed.append(
-                {
-                    "file_path": picture,
-                    "depth_file_path": depth,
-                    "w": k.width_px,
-                    "h": k.height_px,
-                    "fl_x": k.fx_px,
-                    "fl_y": k.fy_px,
-                    "cx": k.cx_px,
-                    "cy": k.cy_px,
-                    "transform_matrix": matrix.tolist(),
-                    "timestamp": frame.timestamp_s,
-                }
-            )
-        text = json.dumps({"camera_model": "OPENCV", "frames": listed}, indent=1)
-        (partial / "transforms.json").write_text(text + "\n", encoding="utf-8")
 
 
 def record_walk(scene: SceneName, photographer: int, *, seconds: float) -> PhotoRecording:

@@ -143,6 +143,17 @@ def _depth_bytes(depth: wire.TracedDepth) -> int:
     return math.prod((depth.width_px, depth.height_px, BYTES_OF_DEPTH[depth.format]))
 
 
+def is_trace(path: Path) -> bool:
+    """Return whether a file is a trace, or was named as one where it cannot be opened."""
+    if not path.is_file():
+        return False
+    try:
+        with zipfile.ZipFile(path) as file:
+            return INDEX in file.namelist()
+    except _UNREADABLE:
+        return "trace" in path.stem
+
+
 def _of(files: dict[int, bytes], index: int) -> bytes:
     if index not in files:
         raise IndexError(f"frame {index} has none")
