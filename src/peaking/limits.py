@@ -78,6 +78,9 @@ MAX_TRANSFORMS_DEPTH = 64
 TRANSFORMS_MEMORY_BYTES = 2**30
 """That reading a transforms.json takes, whatever stands in it."""
 
+MAX_TEXT_BYTES = 2**28
+"""Of a file of poses or intrinsics as text; 100,000 poses take 20 MB."""
+
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -39,6 +39,7 @@ from peaking.pictures.metadata import is_removable, without_metadata
 _KIND_BYTES = 16
 
 
+@runtime_checkable
 class PictureSource(Protocol):
     """Where a picture comes from."""
 
@@ -65,6 +66,7 @@ class PictureSource(Protocol):
         ...
 
 
+@runtime_checkable
 class DepthSource(Protocol):
     """Where a depth map comes from."""
 
@@ -81,6 +83,11 @@ class DepthSource(Protocol):
     @property
     def pinhole(self) -> Pinhole | None:
         """Its own intrinsics, at its size; None where it covers what the picture covers."""
+        ...
+
+    @property
+    def picture_from_depth(self) -> Rigid[Cam, Cam] | None:
+        """Where its camera is, seen from the picture's; None where they are at the same place."""
         ...
 
     def read(self) -> Float32[np.ndarray, "h w"] | None:
@@ -133,6 +140,7 @@ class StoredDepth:
         unit_m: Of its values, in metres.
         size_px: Width and height.
         pinhole: Its own intrinsics; None where it covers what the picture covers.
+        picture_from_depth: Where its camera is, seen from the picture's; None: at the same place.
         confidence: A map of the same size that says how sure each value is, where there is one.
         least_confidence: Values that are less sure are unknown.
         within: A folder; links that lead out of it are refused.
@@ -142,6 +150,7 @@ class StoredDepth:
     unit_m: float
     size_px: tuple[int, int]
     pinhole: Pinhole | None = None
+    picture_from_depth: Rigid[Cam, Cam] | None = None
     confidence: Path | None = None
     least_confidence: int = 1
     within: Path | None = None
@@ -153,6 +162,7 @@ class StoredDepth:
         unit_m: float,
         *,
         pinhole: Pinhole | None = None,
+        picture_from_depth: Rigid[Cam, Cam] | None = None,
         confidence: Path | None = None,
         least_confidence: int = 1,
         within: Path | None = None,
@@ -163,7 +173,16 @@ class StoredDepth:
             RecordingError: It cannot be read, or is no depth map.
         """
         size_px = depth_size_px(path, within=within)
-        return cls(path, unit_m, size_px, pinhole, confidence, least_confidence, within)
+        return cls(
+            path,
+            unit_m,
+            size_px,
+            pinhole,
+            picture_from_depth,
+            confidence,
+            least_confidence,
+            within,
+        )
 
     @property
     def token(self) -> str:
@@ -262,17 +281,25 @@ class PosedRecording:
     def __len__(self) -> int:
         return len(self.frames)
 
-    @cached_property
+    @property
     def names(self) -> Sequence[str]:
         """Unique names that are good as file names: the pictures' own where these are unique."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         stems = [_file_name(frame.name) for frame in self.frames]
         if max(Counter(stems).values()) == 1:
             return tuple(stems)
         return tuple(f"{i:05d}_{stem}" for i, stem in enumerate(stems))
 
-    @cached_property
+    @property
     def cameras(self) -> Sequence[Camera]:
         """Full-size cameras, without distortion."""
+        return self._cameras
+
+    @cached_property
+    def _cameras(self) -> tuple[Camera, ...]:
         return tuple(frame.camera for frame in self.frames)
 
     @property
@@ -280,13 +307,17 @@ class PosedRecording:
         """Times in seconds, None where the recording has none."""
         return tuple(frame.timestamp_s for frame in self.frames)
 
-    @cached_property
+    @property
     def has_depth(self) -> Sequence[bool]:
         """Which frames have a depth map in which anything is known.
 
         Raises:
             RecordingError: A depth map cannot be read: all are, when this is first asked.
         """
+        return self._has_depth
+
+    @cached_property
+    def _has_depth(self) -> tuple[bool, ...]:
         return tuple(
             frame.depth is not None and frame.depth.read() is not None for frame in self.frames
         )
@@ -309,7 +340,11 @@ class PosedRecording:
         mask = self._mask(frame)
         depth_m = None if frame.depth is None else frame.depth.read()
         if depth_m is not None and frame.depth is not None and frame.depth.pinhole is not None:
-            depth_m = placed(depth_m, frame.depth.pinhole, frame.camera.pinhole)
+            own, picture = frame.depth.pinhole, frame.camera.pinhole
+            if frame.depth.picture_from_depth is None:
+                depth_m = placed(depth_m, own, picture)
+            else:
+                depth_m = moved(depth_m, own, picture, frame.depth.picture_from_depth)
         elif depth_m is not None:
             depth_m = frame.lens.undistorted_depth(depth_m)
         if depth_m is not None and mask is not None:
@@ -351,6 +386,8 @@ class PosedRecording:
             digest.update(frame.world_from_cam.matrix().tobytes())
             if frame.depth is not None:
                 digest.update(f"{frame.depth.token}:{frame.depth.pinhole};".encode())
+                if frame.depth.picture_from_depth is not None:
+                    digest.update(frame.depth.picture_from_depth.matrix().tobytes())
             if frame.mask is not None:
                 digest.update(f"{frame.mask.name}:{_length(frame.mask)};".encode())
         return digest.hexdigest()[:24]
@@ -461,6 +498,34 @@ def placed(
     inside = ((y >= 0) & (y < height))[:, None] & ((x >= 0) & (x < width))[None]
     found = depth_m[np.clip(y, 0, height - 1)[:, None], np.clip(x, 0, width - 1)[None]]
     return np.where(inside, found, np.float32(0))
+
+
+def moved(
+    depth_m: Float32[np.ndarray, "h w"],
+    own: Pinhole,
+    picture: Pinhole,
+    picture_from_depth: Rigid[Cam, Cam],
+) -> Float32[np.ndarray, "rows columns"]:
+    """Return a depth map as a picture's camera beside the depth camera sees it.
+
+    Each measured point is drawn where it is seen, the nearer of two in front; 0 between them.
+
+    Args:
+        depth_m: The map.
+        own: Its intrinsics, at its size.
+        picture: Of the picture.
+        picture_from_depth: Between both cameras.
+    """
+    target = _placed_pinhole(own, picture)
+    known = depth_m > 0
+    points_m = picture_from_depth.apply(own.rays()[known] * depth_m[known, None].astype(np.float64))
+    xy_px = target.project(points_m)
+    inside = (points_m[:, 2] > 0) & (xy_px >= 0).all(axis=1) & (xy_px < target.size_px).all(axis=1)
+    x, y = xy_px[inside].astype(int).T
+    z_m = points_m[inside, 2].astype(np.float32)
+    drawn = np.full((target.height_px, target.width_px), np.inf, np.float32)
+    np.minimum.at(drawn, (y, x), z_m)
+    return np.where(np.isfinite(drawn), drawn, np.float32(0))
 
 
 def _placed_pinhole(own: Pinhole, picture: Pinhole) -> Pinhole:

@@ -7,7 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from peaking.datasets import archive, nerfstudio
+from peaking.datasets import (
+    archive,
+    arkitscenes,
+    nerfstudio,
+    polycam,
+    record3d,
+    scannet,
+    stray,
+    tum,
+)
 from peaking.datasets.recording import Recording
 from peaking.errors import RecordingError
 
@@ -55,6 +64,48 @@ FORMATS: Sequence[Format] = (
         "a folder with transforms.json",
         nerfstudio.recognises,
         lambda root, _, confined: nerfstudio.open_recording(root, confined=confined),
+    ),
+    Format(
+        "record3d",
+        "an .r3d file",
+        record3d.recognises,
+        lambda root, _, confined: record3d.open_recording(root, confined=confined),
+    ),
+    Format(
+        "polycam",
+        "raw data with keyframes/",
+        polycam.recognises,
+        lambda root, _, confined: polycam.open_recording(root, confined=confined),
+    ),
+    Format(
+        "stray",
+        "a scan of Stray Scanner with rgb.mp4 and odometry.csv",
+        stray.recognises,
+        lambda root, _, confined: stray.open_recording(root, confined=confined),
+    ),
+    Format(
+        "tum",
+        "a folder with rgb.txt and groundtruth.txt",
+        tum.recognises,
+        lambda root, _, confined: tum.open_recording(root, confined=confined),
+    ),
+    Format(
+        "scannet",
+        "an exported scene with color/, depth/, pose/, intrinsic/",
+        scannet.recognises,
+        lambda root, _, confined: scannet.open_recording(root, confined=confined),
+    ),
+    Format(
+        "7-scenes",
+        "a sequence with frame-000000.color.png",
+        scannet.recognises_seven_scenes,
+        lambda root, _, confined: scannet.open_seven_scenes(root, confined=confined),
+    ),
+    Format(
+        "arkitscenes",
+        "a raw scan with lowres_wide.traj",
+        arkitscenes.recognises,
+        lambda root, _, confined: arkitscenes.open_recording(root, confined=confined),
     ),
 )
 """Asked in this order."""

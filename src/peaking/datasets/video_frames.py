@@ -1,0 +1,98 @@
+"""Pictures of a video, one after the other or any of them, decoded when they are asked for."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from peaking.datasets.foreign_files import real_path
+from peaking.errors import RecordingError
+from peaking.pictures.too_costly import TooCostly, check_pixels
+
+_AGAIN = "copy it again from the phone, or convert it: ffmpeg -i FILE -c:v libx264 -crf 12 OTHER"
+
+
+class VideoFile:
+    """A video that is read from where it was left; going back starts it anew.
+
+    Pictures are as they are stored: a turn that the file notes is not applied.
+    """
+
+    def __init__(self, path: Path, *, within: Path | None = None) -> None:
+        """Open it, and read its size.
+
+        Raises:
+            RecordingError: It cannot be read, or is no video.
+        """
+        self.path, self._within = path, within
+        self._lock = threading.Lock()
+        self._capture, self._next = self._opened(), 0
+        width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
+        height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        try:
+            check_pixels(width, height)
+        except TooCostly as error:
+            raise RecordingError(path, str(error), remedy=error.remedy) from error
+        self.size_px = (width, height)
+        self.stated_frames = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        """As the file states, which may be more than there are."""
+
+    def read(self, index: int) -> UInt8[np.ndarray, "h w 3"]:
+        """Decode a picture.
+
+        Raises:
+            RecordingError: It is damaged, or the video ends before it.
+        """
+        with self._lock:
+            if index < self._next:
+                self._capture.release()
+                self._capture, self._next = self._opened(), 0
+            while self._next < index and self._capture.grab():
+                self._next += 1
+            done, bgr = self._capture.read() if self._next == index else (False, None)
+            if not done or bgr is None:
+                raise RecordingError(
+                    self.path, f"ends at, or is damaged in, picture {self._next}", remedy=_AGAIN
+                )
+            self._next += 1
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+    def _opened(self) -> cv2.VideoCapture:
+        with real_path(self.path, within=self._within) as name:
+            capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
+            opened = capture.isOpened() and capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        if not opened or capture.get(cv2.CAP_PROP_FRAME_WIDTH) < 1:
+            raise RecordingError(self.path, "is no video that can be decoded", remedy=_AGAIN)
+        return capture
+
+
+@dataclass(frozen=True)
+class VideoPicture:
+    """A picture of a video (`posed_frames.PictureSource`)."""
+
+    video: VideoFile
+    index: int
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.video.size_px
+
+    @property
+    def token(self) -> str:
+        """Name and length of the video, and which picture."""
+        path = self.video.path
+        return f"{path.name}:{path.stat().st_size}:{self.index}"
+
+    def read(self) -> UInt8[np.ndarray, "h w 3"]:
+        """Decode it."""
+        return self.video.read(self.index)
+
+    def stored(self) -> bytes | None:
+        """Return None: it has no file of its own."""
+        return None
