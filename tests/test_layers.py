@@ -50,6 +50,7 @@ ORDER = [
     "guidance",
     "replay",
     "best_frames",
+    "audit",
     "splat",
     "experiments",
     "photographers",

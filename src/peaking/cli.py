@@ -23,6 +23,7 @@ from peaking.commands import (
     devices,
     evaluate,
     generate,
+    info,
     photographers,
     plan,
     quality,
@@ -47,6 +48,7 @@ Examples:
   peaking replay scenes/desk --out out/desk
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking select scenes/desk --views 12 --out out/best
+  peaking info scenes/desk
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
@@ -82,6 +84,7 @@ COMMANDS: dict[str, type[Command]] = {
     "select": select.Select,
     "plan": plan.Plan,
     "generate": generate.Generate,
+    "info": info.Info,
     "render": render.Render,
     "splat": splat.Splat,
     "evaluate": evaluate.Evaluate,

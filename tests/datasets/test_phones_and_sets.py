@@ -241,7 +241,9 @@ def test_arbitrary_and_damaged_bytes_never_crash(name: str, file: str, tmp_path:
     root = WRITERS[name](tmp_path / "48458663")
     sound = (root / file).read_bytes()
 
-    @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    )
     @given(
         st.one_of(
             st.binary(max_size=200),

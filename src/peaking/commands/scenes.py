@@ -30,7 +30,7 @@ class SceneOptions:
     images: Path | None = None
     """The folder of its pictures, where these lie elsewhere: of a COLMAP model, say."""
 
-    def open(self, scene: Path, *, confined: bool = False) -> Recording:
+    def open(self, scene: Path, *, confined: bool = False, with_notes: bool = True) -> Recording:
         """Open a recording, and print what was left out or guessed.
 
         Raises:
@@ -39,7 +39,8 @@ class SceneOptions:
         from peaking.datasets import Reading, open_recording
 
         recording = open_recording(scene, Reading(self.format, self.images), confined=confined)
-        say(*(f"{scene}: {note}" for note in recording.notes))
+        for note in recording.notes if with_notes else ():
+            say(f"{scene}: {note}")
         return recording
 
 

@@ -1,0 +1,1 @@
+"""What a recording holds, and which of its pictures are not as they should be."""
