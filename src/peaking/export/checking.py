@@ -110,16 +110,11 @@ def check(
     cameras = dict(read)
     if len(read) != len(meant) or set(cameras) != {one.picture for one in meant}:
         raise OutputError(f"{out}: {len(read)} of {len(meant)} frames were read back; nothing kept")
+    for one in meant:
+        _check_camera(out, one, cameras[one.picture], most)
     projected = 0
     for place, one in enumerate(meant):
         camera, following = cameras[one.picture], meant[(place + 1) % len(meant)]
-        if not _same(camera.pinhole, one.camera.pinhole):
-            raise _otherwise(out, one, f"intrinsics {camera.pinhole}, not {one.camera.pinhole}")
-        off = np.abs(camera.world_from_cam.matrix() - one.camera.world_from_cam.matrix()).max()
-        # What 64 bits have no room for at the other end of a map is no fault.
-        room = 4 * np.finfo(float).eps * np.abs(one.camera.position_m).max()
-        if not off <= most + room:
-            raise _otherwise(out, one, f"a pose that is {off:.2g} off")
         points_m = points_seen_m(one.camera, one.seen)
         pairs = (camera, one.camera), (cameras[following.picture], following.camera)
         for got, wanted in pairs:
@@ -136,6 +131,16 @@ def _same(got: Pinhole, wanted: Pinhole) -> bool:
     """Return whether intrinsics are equal, but for the last bits of 64."""
     pairs = zip(astuple(got), astuple(wanted), strict=True)
     return all(math.isclose(a, b, rel_tol=LAST_BITS) for a, b in pairs)
+
+
+def _check_camera(out: Path, one: Meant, camera: Camera, most: float) -> None:
+    if not _same(camera.pinhole, one.camera.pinhole):
+        raise _otherwise(out, one, f"intrinsics {camera.pinhole}, not {one.camera.pinhole}")
+    off = np.abs(camera.world_from_cam.matrix() - one.camera.world_from_cam.matrix()).max()
+    # What 64 bits have no room for at the other end of a map is no fault.
+    room = 4 * np.finfo(float).eps * np.abs(one.camera.position_m).max()
+    if not off <= most + room:
+        raise _otherwise(out, one, f"a pose that is {off:.2g} off")
 
 
 def _check_files(folder: Path, out: Path, one: Meant) -> None:

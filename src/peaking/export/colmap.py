@@ -47,7 +47,7 @@ class _Model:
     names: Sequence[str]
     cameras: Sequence[Camera]
     pinholes: Sequence[Pinhole]
-    seen: Sequence[tuple[Int64[np.ndarray, "n"], Float64[np.ndarray, "n 2"]]]
+    seen: Sequence[tuple[Int64[np.ndarray, "_"], Float64[np.ndarray, "_ 2"]]]
     points: SeedPoints
 
     def camera_id(self, place: int) -> int:

@@ -27,7 +27,7 @@ from peaking.splat.turning import turned
 
 INSTALL = "pip install 'peaking[formats]', or take .ply or .glb"
 SpzVersion = Literal[3, 4]
-ENDINGS = (".compressed.ply", ".ply", ".spz", ".glb", ".gltf")
+ENDINGS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf")
 SPZ_BITS = 12
 """Of positions, behind the binary point: 0.24 mm, within 2 km."""
 
@@ -61,12 +61,25 @@ _FORMATS = {
 
 def ending_of(path: Path) -> str | None:
     """Return which of `ENDINGS` a name has, None without."""
-    return next((ending for ending in ENDINGS if path.name.lower().endswith(ending)), None)
+    fitting = [ending for ending in ENDINGS if path.name.lower().endswith(ending)]
+    return max(fitting, key=len, default=None)
 
 
 def is_splat_file(path: Path) -> bool:
     """Return whether a path is a file of Gaussians, by its name."""
     return ending_of(path) is not None and path.is_file()
+
+
+def check_writable(path: Path) -> None:
+    """Find out before any work whether files of a name's ending can be written.
+
+    Raises:
+        OutputError: Its ending is of no format.
+        BackendUnavailable: gsply is missing.
+    """
+    _format(path)
+    if ending_of(path) in _GSPLY:
+        _gsply()
 
 
 def upright(gaussians: Gaussians, up: Axis, path: Path) -> Gaussians:
@@ -109,7 +122,7 @@ def convert_splats(
 def said_of(path: Path, gaussians: Gaussians) -> list[str]:
     """Return what there is to say of a file that was written."""
     size_mb = path.stat().st_size / 1e6
-    said = [f"{path}: {len(gaussians)} Gaussians, {size_mb:.1f} MB, {_format(path).up} is up"]
+    said = [f"{path}: {len(gaussians)} Gaussians, {size_mb:.1f} MB"]
     if gaussians.origin_m.any():
         x, y, z = gaussians.origin_m
         where = {

@@ -1,0 +1,3 @@
+"""`peaking convert` as people run it."""
+
+from __future__ import annotations
