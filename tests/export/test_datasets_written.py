@@ -23,7 +23,7 @@ from peaking.export.datasets import DATASET_FORMATS, DatasetFormat
 from peaking.export.material import Material
 from peaking.export.writing import Written
 from peaking.frame import Frame
-from peaking.geometry import Rigid
+from peaking.geometry import Camera, Rigid
 
 ALL = pytest.mark.parametrize("to", DATASET_FORMATS)
 
@@ -144,27 +144,32 @@ def test_what_says_something_else_is_not_kept(
 
 
 @pytest.mark.parametrize(
-    ("change", "problem"),
+    ("by_m", "by_rad", "left_px", "problem"),
     [
-        (lambda camera: (camera.pinhole, [0, 0, 2e-9], 0.0), "a pose that is 2e-09 off"),
-        (lambda camera: (camera.pinhole, [0, 0, 0], 1e-8), "a pose that is 1e-08 off"),
-        (lambda camera: (camera.pinhole.cropped(1, 0, 64, 48), [0, 0, 0], 0.0), "intrinsics"),
+        (2e-9, 0.0, 0, "a pose that is 2e-09 off"),
+        (0.0, 1e-8, 0, "a pose that is 1e-08 off"),
+        (0.0, 0.0, 1, "intrinsics"),
     ],
     ids=["moved", "turned", "other intrinsics"],
 )
 def test_cameras_that_are_off_are_found(
-    change: Callable[[Any], Any], problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    by_m: float,
+    by_rad: float,
+    left_px: int,
+    problem: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     writer, most_off = peaking.export.datasets._WRITERS["colmap"]
 
     def spoilt(material: Material, folder: Path) -> Written:
         written = writer(material, folder)
         name, camera = written.read[2]
-        pinhole, by_m, by_rad = change(camera)
+        pinhole = camera.pinhole.cropped(left_px, 0, *SIZE_PX)
         turn = np.array([[1, -by_rad, 0], [by_rad, 1, 0], [0, 0, 1]])
         here = camera.world_from_cam
-        moved = Rigid(here.rotation @ turn, here.translation_m + by_m)
-        written.read[2] = name, type(camera)(pinhole, moved)
+        moved = Rigid(here.rotation @ turn, here.translation_m + [0, 0, by_m])
+        written.read[2] = name, Camera(pinhole, moved)
         return written
 
     writers: Any = {"colmap": (spoilt, most_off)}

@@ -193,8 +193,13 @@ def test_a_far_origin_turns_along(tmp_path: Path) -> None:
         )
 
 
-UP: dict[str, Axis] = {".ply": "-y", ".compressed.ply": "-y", ".spz": "+y"}
-UP |= {".glb": "+y", ".gltf": "+y"}
+UP: dict[str, Axis] = {
+    ".ply": "-y",
+    ".compressed.ply": "-y",
+    ".spz": "+y",
+    ".glb": "+y",
+    ".gltf": "+y",
+}
 
 
 @FILES
@@ -225,7 +230,9 @@ def test_formats_face_the_ways_that_others_turn_them(tmp_path: Path) -> None:
     spz: Any = gsply.read_spz(tmp_path / "a.spz")
     np.testing.assert_allclose(spz.means, source.means_m * [1, -1, -1], atol=2e-4)
     glb = by_hand((tmp_path / "a.glb").read_bytes())
-    np.testing.assert_array_equal(glb["POSITION"], source.means_m * np.float32([-1, -1, 1]))
+    np.testing.assert_array_equal(
+        glb["POSITION"], source.means_m * np.array([-1, -1, 1], np.float32)
+    )
     convert_splats(tmp_path / "a.spz", tmp_path / "again.ply")
     again = read_ply(tmp_path / "again.ply")
     np.testing.assert_allclose(again.means_m, source.means_m, atol=2e-4)
@@ -263,7 +270,11 @@ def test_what_is_read_back_otherwise_is_not_kept(
 ) -> None:
     meant = gaussians()
     moved = turned(meant, turn("+y", "+z"))
-    monkeypatch.setattr(peaking.export.splats, "_read", lambda *_: moved)
+
+    def read(path: Path, ending: str) -> Gaussians:
+        return moved
+
+    monkeypatch.setattr(peaking.export.splats, "_read", read)
     for ending in ENDINGS:
         with pytest.raises(OutputError, match="read back with positions"):
             write_splats(tmp_path / f"x{ending}", meant)
