@@ -168,7 +168,7 @@ def test_cameras_that_are_off_are_found(
         pinhole = camera.pinhole.cropped(left_px, 0, *SIZE_PX)
         turn = np.array([[1, -by_rad, 0], [by_rad, 1, 0], [0, 0, 1]])
         here = camera.world_from_cam
-        moved = Rigid(here.rotation @ turn, here.translation_m + [0, 0, by_m])
+        moved = Rigid(here.rotation @ turn, here.translation_m + np.array([0, 0, by_m]))
         written.read[2] = name, Camera(pinhole, moved)
         return written
 

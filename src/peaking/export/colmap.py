@@ -7,12 +7,13 @@ Points carry the pictures that see them: places where they project, so their err
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64, Int32, UInt32
 
 from peaking.export.checking import Meant, meant
 from peaking.export.material import Material
@@ -30,6 +31,9 @@ from peaking.geometry import Camera, Pinhole, Rigid
 MODEL = "sparse/0"
 IMAGES, MASKS = "images", "masks"
 PINHOLE_ID = 1
+MOST_OF_A_FRAME = 2000
+"""Points that a picture is said to see, beside those that none before it sees; features of COLMAP's
+that are matched are as many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +44,14 @@ class _Model:
         names: Of the pictures.
         cameras: One for each picture.
         pinholes: The different ones.
-        seen: For each picture, which points it sees, and where.
+        seen: For each picture, the numbers of points that it sees.
         points: All.
     """
 
     names: Sequence[str]
     cameras: Sequence[Camera]
     pinholes: Sequence[Pinhole]
-    seen: Sequence[tuple[Int64[np.ndarray, "_"], Float64[np.ndarray, "_ 2"]]]
+    seen: Sequence[Int32[np.ndarray, "_"]]
     points: SeedPoints
 
     def camera_id(self, place: int) -> int:
@@ -58,13 +62,21 @@ class _Model:
         there = self.cameras[place].world_from_cam.inverse()
         return quaternion_wxyz(there.rotation), there.translation_m
 
-    def tracks(self) -> list[list[tuple[int, int]]]:
-        """Return for each point (image, number of its place there)."""
-        tracks: list[list[tuple[int, int]]] = [[] for _ in range(len(self.points))]
-        for place, (numbers, _) in enumerate(self.seen):
-            for at, number in enumerate(map(int, numbers)):
-                tracks[number].append((place + 1, at))
-        return tracks
+    def places_px(self, place: int) -> Float64[np.ndarray, "n 2"]:
+        """Where a picture sees its points."""
+        return self.cameras[place].project(self.points.xyz_m[self.seen[place]])[0]
+
+    def tracks(self) -> Iterator[UInt32[np.ndarray, "n 2"]]:
+        """Yield for each point (image, number of its place there)."""
+        numbers = np.concatenate([np.zeros(0, np.int32), *self.seen])
+        order = np.argsort(numbers, kind="stable")
+        counts = [len(one) for one in self.seen]
+        images = np.repeat(np.arange(1, len(counts) + 1, dtype=np.uint32), counts)[order]
+        first = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
+        places = (np.arange(len(numbers)) - first).astype(np.uint32)[order]
+        ends = np.cumsum(np.bincount(numbers, minlength=len(self.points)))
+        for start, end in pairwise([0, *ends.tolist()]):
+            yield np.column_stack([images[start:end], places[start:end]])
 
 
 def write_colmap(material: Material, folder: Path) -> Written:
@@ -90,7 +102,7 @@ def _write(material: Material, folder: Path, *, text: bool) -> Written:
             write(folder, f"{MASKS}/{name}.png", encode_mask(frame.mask))
         notes.append(meant(material, frame, (f"{IMAGES}/{name}", data)))
     points = gathering.points()
-    seen = [seen_points(material.read(place), points) for place in material.places]
+    seen = _seen(material, points)
     names = [one.picture.removeprefix(f"{IMAGES}/") for one in notes]
     pinholes = list(dict.fromkeys(camera.pinhole for camera in material.cameras))
     model = _Model(names, material.cameras, pinholes, seen, points)
@@ -106,6 +118,23 @@ def _write(material: Material, folder: Path, *, text: bool) -> Written:
     return Written(notes, cameras, () if len(points) else (NO_POINTS,))
 
 
+def _seen(material: Material, points: SeedPoints) -> list[Int32[np.ndarray, "_"]]:
+    """Return which points each frame is said to see.
+
+    Of all that it sees these are the first ones, the same in all frames, and those that no frame
+    before it saw.
+    """
+    untold = np.ones(len(points), np.bool_)
+    seen: list[Int32[np.ndarray, "_"]] = []
+    for place in material.places:
+        numbers = seen_points(material.read(place), points)
+        kept = untold[numbers]
+        kept[:MOST_OF_A_FRAME] = True
+        seen.append(numbers[kept])
+        untold[numbers] = False
+    return seen
+
+
 def _write_text(model: _Model, where: Path) -> None:
     with (where / "cameras.txt").open("w", encoding="utf-8") as file:
         file.write("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[] (fx, fy, cx, cy)\n")
@@ -118,19 +147,13 @@ def _write_text(model: _Model, where: Path) -> None:
         for place, name in enumerate(model.names):
             pose = " ".join(map(words, model.world_in_cam(place)))
             file.write(f"{place + 1} {pose} {model.camera_id(place)} {name}\n")
-            numbers, xy_px = model.seen[place]
-            file.write(
-                " ".join(
-                    f"{x!r} {y!r} {number + 1}"
-                    for (x, y), number in zip(xy_px.tolist(), numbers.tolist(), strict=True)
-                )
-                + "\n"
-            )
+            places = zip(model.places_px(place).tolist(), model.seen[place].tolist(), strict=True)
+            file.write(" ".join(f"{x!r} {y!r} {number + 1}" for (x, y), number in places) + "\n")
     with (where / "points3D.txt").open("w", encoding="utf-8") as file:
         file.write("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n")
         for number, track in enumerate(model.tracks()):
             r, g, b = model.points.rgb[number].tolist()
-            at = " ".join(f"{image} {place}" for image, place in track)
+            at = " ".join(map(str, track.ravel().tolist()))
             file.write(f"{number + 1} {words(model.points.xyz_m[number])} {r} {g} {b} 0 {at}\n")
 
 
@@ -146,16 +169,15 @@ def _write_binary(model: _Model, where: Path) -> None:
             q, t = model.world_in_cam(place)
             file.write(struct.pack("<I7dI", place + 1, *q, *t, model.camera_id(place)))
             file.write(name.encode() + b"\0")
-            numbers, xy_px = model.seen[place]
-            rows = np.zeros(len(numbers), [("xy", "<f8", 2), ("point", "<u8")])
-            rows["xy"], rows["point"] = xy_px, numbers + 1
+            rows = np.zeros(len(model.seen[place]), [("xy", "<f8", 2), ("point", "<u8")])
+            rows["xy"], rows["point"] = model.places_px(place), model.seen[place] + 1
             file.write(struct.pack("<Q", len(rows)) + rows.tobytes())
     with (where / "points3D.bin").open("wb") as file:
         file.write(struct.pack("<Q", len(model.points)))
         for number, track in enumerate(model.tracks()):
             xyz, rgb = model.points.xyz_m[number], model.points.rgb[number].tolist()
             file.write(struct.pack("<Q3d3BdQ", number + 1, *xyz, *rgb, 0.0, len(track)))
-            file.write(np.array(track, "<u4").tobytes())
+            file.write(track.astype("<u4").tobytes())
 
 
 def _read_text(where: Path) -> list[tuple[str, Camera]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64, Int64, UInt8
+from jaxtyping import Float64, Int32, UInt8
 
 from peaking.export.material import Material, points_seen_m
 from peaking.frame import Frame, as_float
@@ -74,18 +74,20 @@ class Gathering:
         self._parts.append(PointCloud(xyz_m, as_float(frame.rgb)[row, column], pixel_m))
 
     def points(self) -> SeedPoints:
-        """Return what was gathered: at most `NUM_POINTS`, points that many frames name once."""
+        """Return what was gathered, in any order: at most `NUM_POINTS`.
+
+        Points that many frames name are there once.
+        """
         cloud = PointCloud.joined(self._parts)
         if len(cloud):
             _, first = np.unique(np.round(cloud.xyz_m, 9), axis=0, return_index=True)
             cloud = cloud.select(np.sort(first)).thinned(NUM_POINTS, self.rng)
+            cloud = cloud.select(self.rng.permutation(len(cloud)))
         return SeedPoints(cloud.xyz_m, np.rint(cloud.rgb * 255).astype(np.uint8))
 
 
-def seen_points(
-    frame: Frame, points: SeedPoints
-) -> tuple[Int64[np.ndarray, "n"], Float64[np.ndarray, "n 2"]]:
-    """Return which points a frame sees, and where: in the picture, and not hidden by its depth.
+def seen_points(frame: Frame, points: SeedPoints) -> Int32[np.ndarray, "m"]:
+    """Return the numbers of the points that a frame sees: in the picture, not hidden by its depth.
 
     A frame without depth sees those that it names itself.
     """
@@ -105,7 +107,7 @@ def seen_points(
         numbers = numbers[np.isin(_keys(points.xyz_m[numbers]), own)]
     else:
         numbers = numbers[:0]
-    return numbers, xy_px[numbers]
+    return numbers.astype(np.int32)
 
 
 def _keys(points_m: Float64[np.ndarray, "n 3"]) -> np.ndarray:
