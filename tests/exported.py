@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from peaking.datasets import Recording, open_recording
-from peaking.export.datasets import DatasetFormat, Exported, write_dataset
+from peaking.export.datasets import Exported, write_dataset
 from peaking.export.material import Material
+from peaking.export.names import DatasetFormat
 from peaking.output import encode_jpeg, encode_png
 from recordings import Room, lateral_cameras, write_recording
 

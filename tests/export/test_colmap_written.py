@@ -11,8 +11,8 @@ import pytest
 
 from exported import export, masked_room, room
 from peaking.datasets import Recording, open_recording
-from peaking.export.datasets import DatasetFormat
 from peaking.export.material import Material, points_seen_m
+from peaking.export.names import DatasetFormat
 
 KINDS = pytest.mark.parametrize("to", ("colmap", "colmap-text"))
 MOST_OFF = {"colmap": 1e-9, "colmap-text": 1e-6}

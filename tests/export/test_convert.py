@@ -14,7 +14,7 @@ from foreign_pictures import telling_jpeg
 from peaking.cli import main
 from peaking.datasets import open_recording
 from peaking.errors import RecordingError
-from peaking.export.datasets import DATASET_FORMATS, DatasetFormat
+from peaking.export.names import DATASET_FORMATS, DatasetFormat
 from peaking.pictures.metadata import has_metadata
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import read_ply, write_ply

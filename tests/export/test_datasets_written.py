@@ -19,8 +19,8 @@ from peaking.datasets import open_recording
 from peaking.datasets.nerfstudio import NerfstudioRecording
 from peaking.errors import OutputError, RecordingError
 from peaking.export.chosen_frames import frames_of_text
-from peaking.export.datasets import DATASET_FORMATS, DatasetFormat
 from peaking.export.material import Material
+from peaking.export.names import DATASET_FORMATS, DatasetFormat
 from peaking.export.writing import Written
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid

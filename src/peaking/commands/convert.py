@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError
 from peaking.commands.scenes import SceneOptions
+from peaking.export.names import DATASET_FORMATS, DatasetFormat
 from peaking.terminal import say
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Convert:
     out: Annotated[Path, tyro.conf.Positional]
     """Folder to write, empty or not there yet; of Gaussians a file: .ply, .compressed.ply, .spz,
     .glb, .gltf."""
-    to: Literal["nerfstudio", "colmap", "colmap-text", "instant-ngp", "llff", "tum"] | None = None
+    to: DatasetFormat | None = None
     """The format of the data set; that of Gaussians is the ending of their file."""
     frames: str | None = None
     """Frames to write: 0,5,9, START:STOP:STEP, or a selection.csv of peaking select; default: all.
@@ -87,7 +88,7 @@ class Convert:
         from tqdm import tqdm
 
         from peaking.export.chosen_frames import frames_of_text
-        from peaking.export.datasets import DATASET_FORMATS, TURNED, write_dataset
+        from peaking.export.datasets import TURNED, write_dataset
         from peaking.export.material import Material
         from peaking.output import check_new
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
 
 from peaking.export.checking import BINARY, TEXT, check
 from peaking.export.colmap import write_colmap, write_colmap_text
 from peaking.export.llff import write_llff
 from peaking.export.material import Material
+from peaking.export.names import DatasetFormat
 from peaking.export.nerfstudio import write_instant_ngp, write_nerfstudio
 from peaking.export.tum import write_tum
 from peaking.export.writing import Written
 from peaking.output import complete_or_absent
 
-DatasetFormat = Literal["nerfstudio", "colmap", "colmap-text", "instant-ngp", "llff", "tum"]
-DATASET_FORMATS: tuple[DatasetFormat, ...] = get_args(DatasetFormat)
 TURNED: tuple[DatasetFormat, ...] = ("nerfstudio", "instant-ngp")
 """These have an up: +z."""
 
