@@ -14,6 +14,7 @@ from exported import SIZE_PX, export, masked_room, room
 from peaking.datasets import open_recording
 from peaking.datasets.point_cloud import read_points
 from peaking.errors import RecordingError
+from peaking.export.names import DatasetFormat
 from peaking.export.up import AXES, Axis, guess_up, turn, vector_of
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from recordings import Room, lateral_cameras
@@ -36,6 +37,7 @@ def test_nerfstudio_has_what_its_conventions_ask_for(tmp_path: Path) -> None:
     export(recording, tmp_path / "out", "nerfstudio")
     written = transforms(tmp_path / "out")
     assert written["camera_model"] == "OPENCV"
+    assert written["fl_x"] == recording.cameras[0].pinhole.fx_px
     assert written["depth_unit_scale_factor"] == 0.001
     for number, entry in enumerate(written["frames"]):
         k = recording.cameras[number].pinhole
@@ -73,6 +75,17 @@ def test_nerfstudio_takes_depth_and_masks_for_all_frames_or_none(tmp_path: Path)
         {"depth_file_path", "mask_path"} & entry.keys()
         for entry in transforms(tmp_path / "none")["frames"]
     )
+
+
+@pytest.mark.parametrize("to", ("nerfstudio", "instant-ngp"))
+def test_different_intrinsics_are_those_of_each_frame(to: DatasetFormat, tmp_path: Path) -> None:
+    def zoomed(content: dict[str, Any]) -> None:
+        content["frames"][2]["fl_x"] = content["frames"][2]["fl_y"] = 70.0
+
+    export(room(tmp_path / "room", change=zoomed), tmp_path / "out", to)
+    written = transforms(tmp_path / "out")
+    assert "fl_x" not in written
+    assert [entry["fl_x"] for entry in written["frames"]] == [57.6, 57.6, 70.0, 57.6, 57.6, 57.6]
 
 
 def test_an_applied_transform_says_how_the_world_was_turned(tmp_path: Path) -> None:

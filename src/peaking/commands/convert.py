@@ -54,7 +54,7 @@ class Convert:
     data sets are turned to +z, Gaussians as viewers want them. Default: data sets stay as they are,
     and Gaussians have the up of their file's format."""
     spz_version: Literal[3, 4] = 3
-    """Of .spz files; few programs read 4 yet."""
+    """Of .spz files: SuperSplat reads both, Spark 3, PlayCanvas's engine 4."""
     follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Copy also files that links lead to from outside the recording."""
     keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

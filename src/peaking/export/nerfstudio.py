@@ -57,7 +57,7 @@ def write_nerfstudio(material: Material, folder: Path) -> Written:
     if len(points):
         write(folder, POINTS, points.encode_ply())
         top["ply_file_path"] = POINTS
-    _write_json(folder, {**top, **_applied(material), "frames": entries})
+    _write_json(folder, {**_shared(entries), **top, **_applied(material), "frames": entries})
     said = () if len(points) else (NO_POINTS,)
     return Written(notes, _read_back(folder), said)
 
@@ -81,18 +81,22 @@ def write_instant_ngp(material: Material, folder: Path) -> Written:
         far_m = max(far_m, float(np.percentile(note.seen[:, 2], 95)) if len(note.seen) else 0.0)
         entries.append(entry)
         notes.append(note)
-    shared = {key: entries[0][key] for key in ("fl_x", "fl_y", "cx", "cy", "w", "h")}
     top = {
-        **shared,
+        **_shared(entries),
         "camera_model": "OPENCV",
         "integer_depth_scale": 0.001,
         "scale": NGP_SCALE,
         "aabb_scale": _aabb_scale(material.cameras, far_m),
     }
     _write_json(folder, {**top, **_applied(material), "frames": entries})
-    varies = any(entry[key] != value for entry in entries for key, value in shared.items())
-    said = "pictures have different intrinsics; instant-ngp takes those of the first for all"
-    return Written(notes, _read_back(folder), (said,) if varies else ())
+    return Written(notes, _read_back(folder))
+
+
+def _shared(entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the intrinsics that all frames have: some programs look for them at the top only."""
+    first = {key: entries[0][key] for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+    same = all(first.items() <= entry.items() for entry in entries)
+    return first if same else {}
 
 
 def _written(
