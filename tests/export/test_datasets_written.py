@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import weakref
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import peaking.export.datasets
 from exported import SIZE_PX, export, jpeg_room, masked_room, room
@@ -25,6 +28,7 @@ from peaking.export.writing import Written
 from peaking.frame import Frame
 from peaking.geometry import Camera, Rigid
 
+DESK = Path(__file__).parents[2] / "scenes/desk"
 ALL = pytest.mark.parametrize("to", DATASET_FORMATS)
 
 
@@ -230,6 +234,16 @@ def test_frames_are_named_as_people_would(tmp_path: Path) -> None:
     for text in ("6", "9:", "a:b", "", "1:2:3:4", "::0", "1.5"):
         with pytest.raises(RecordingError, match="has no frames"):
             frames_of_text(text, recording)
+
+
+@given(text=st.text(st.sampled_from("0123456789,:- ax"), max_size=12))
+def test_any_text_means_frames_or_is_refused(text: str) -> None:
+    recording = open_recording(DESK)
+    with contextlib.suppress(RecordingError):
+        chosen = frames_of_text(text, recording)
+        assert chosen
+        assert len(set(chosen)) == len(chosen)
+        assert all(0 <= index < len(recording) for index in chosen)
 
 
 def test_a_selection_is_read(tmp_path: Path) -> None:

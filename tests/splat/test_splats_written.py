@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import json
 import struct
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import gsply
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_gaussians import HERE, cloud
@@ -315,6 +317,24 @@ def test_damaged_files_are_refused(ending: str, tmp_path: Path) -> None:
         path.write_bytes(bytes(data))
         with contextlib.suppress(SplatFileError):
             read_splats(path)
+
+
+def test_an_spz_that_unpacks_to_more_than_it_says_is_refused(tmp_path: Path) -> None:
+    """Before it is unpacked: a small file may hold gigabytes of zeros."""
+    head = struct.pack("<4sIIBBBB", b"NGSP", 3, 10, 0, 12, 0, 0)
+    path = tmp_path / "bomb.spz"
+    path.write_bytes(gzip.compress(head + bytes(200_000_000), compresslevel=9))
+    with pytest.raises(SplatFileError, match="more than its Gaussians take"):
+        read_splats(path)
+    write_splats(tmp_path / "4.spz", gaussians(10), spz_version=4)
+    sound = (tmp_path / "4.spz").read_bytes()
+    frame = zstandard.ZstdCompressor(level=19).compress(bytes(200_000_000))
+    path.write_bytes(sound[:32] + struct.pack("<QQ", len(frame), 90) + sound[48:128] + frame)
+    with pytest.raises(SplatFileError, match=r"more than its Gaussians take|no sound"):
+        read_splats(path)
+    path.write_bytes(struct.pack("<4sIIBBBB", b"NGSP", 4, 2**31, 0, 12, 0, 5) + bytes(100))
+    with pytest.raises(SplatFileError, match="at most"):
+        read_splats(path)
 
 
 @given(data=st.binary(max_size=200))

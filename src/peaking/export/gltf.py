@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from peaking.errors import SplatFileError
+from peaking.limits import MAX_GAUSSIANS
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.rendering import C0
 
@@ -170,7 +171,9 @@ def _values(content: Any, buffer: bytes, number: int) -> np.ndarray:
     columns, count = _ARRAYS[accessor["type"]], int(accessor["count"])
     start = int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
     stride = int(view.get("byteStride", 4 * columns))
-    if count < 0 or start < 0 or stride < 4 * columns:
+    if not 0 <= count <= MAX_GAUSSIANS:
+        raise ValueError(f"at most {MAX_GAUSSIANS:,} Gaussians are read")
+    if start < 0 or stride < 4 * columns:
         raise ValueError("an accessor lies outside of its buffer")
     end = start + stride * max(count - 1, 0) + (4 * columns if count else 0)
     if end > len(buffer):

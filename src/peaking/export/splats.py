@@ -17,8 +17,9 @@ import numpy as np
 
 from peaking.errors import BackendUnavailable, OutputError, SplatFileError
 from peaking.export.gltf import encode_gltf, read_gltf
+from peaking.export.spz import check_spz
 from peaking.export.up import Axis, turn
-from peaking.limits import MAX_GAUSSIANS, MAX_SPLAT_BYTES
+from peaking.limits import MAX_SPLAT_BYTES
 from peaking.output import replaced
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import encode_ply, read_ply
@@ -200,7 +201,7 @@ def _read_by_gsply(path: Path, ending: str) -> Gaussians:
     gsply = _gsply()
     try:
         if ending == ".spz":
-            _check_spz(path)
+            check_spz(path, INSTALL)
             data = gsply.read_spz(path)
         else:
             data = gsply.decompress_from_bytes(path.read_bytes())
@@ -213,27 +214,10 @@ def _read_by_gsply(path: Path, ending: str) -> Gaussians:
             opacity_logits=np.array(data.opacities, np.float32).reshape(-1),
             sh=np.array(sh, np.float32),
         )
-    except SplatFileError:
+    except (SplatFileError, BackendUnavailable):
         raise
     except Exception as error:  # damaged bytes raise anything
         raise SplatFileError(f"{path}: is no sound {ending} file ({error})") from error
-
-
-def _check_spz(path: Path) -> None:
-    """Refuse a file that says it holds too much, before it is unpacked."""
-    import gzip
-    import struct
-
-    with path.open("rb") as file:
-        head = file.read(16)
-    if head[:2] == b"\x1f\x8b":
-        with gzip.open(path) as file:
-            head = file.read(16)
-    if len(head) < 16 or head[:4] != b"NGSP":
-        raise SplatFileError(f"{path}: is no .spz file")
-    (count,) = struct.unpack_from("<I", head, 8)
-    if count > MAX_GAUSSIANS:
-        raise SplatFileError(f"{path}: has {count:,} Gaussians, and at most {MAX_GAUSSIANS:,}")
 
 
 def _write_spz(gsply: Any, path: Path, gaussians: Gaussians, version: SpzVersion) -> None:
