@@ -24,6 +24,8 @@ from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.output import encode_jpeg
 
 POSES = "poses_bounds.npy"
+NUM_SEEN = 5000
+"""Points of a frame that is drawn again, for the check."""
 NEAR_FAR = (0.1, 99.9)
 """Percentiles of depth, as LLFF takes them."""
 
@@ -46,7 +48,8 @@ def write_llff(material: Material, folder: Path) -> Written:
         if frame.camera.pinhole == pinhole:
             data, ending = material.picture(place, frame)
         else:
-            frame = _drawn_again(frame, pinhole, points_seen_m(frame.camera, seen))
+            some = seen[:: 1 + len(seen) // NUM_SEEN]
+            frame = _drawn_again(frame, pinhole, points_seen_m(frame.camera, some))
             data, ending = encode_jpeg(frame.rgb), "jpg"
         name = f"images/{frame.name}.{ending}"
         write(folder, name, data)
