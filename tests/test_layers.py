@@ -52,6 +52,7 @@ ORDER = [
     "best_frames",
     "audit",
     "splat",
+    "export",
     "experiments",
     "photographers",
     "study",

@@ -19,6 +19,7 @@ from peaking.commands import (
     bench_live,
     bench_trust,
     checkpoints,
+    convert,
     demo,
     devices,
     evaluate,
@@ -49,6 +50,7 @@ Examples:
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking select scenes/desk --views 12 --out out/best
   peaking info scenes/desk
+  peaking convert scenes/desk out/colmap --to colmap
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
@@ -82,6 +84,7 @@ COMMANDS: dict[str, type[Command]] = {
     "study": study.Study,
     "replay": replay.Replay,
     "select": select.Select,
+    "convert": convert.Convert,
     "plan": plan.Plan,
     "generate": generate.Generate,
     "info": info.Info,

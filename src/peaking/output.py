@@ -66,6 +66,15 @@ def complete_or_absent(out: Path) -> Generator[Path, None, None]:
             raise
 
 
+def check_new(out: Path) -> None:
+    """Refuse, before any work, a folder that `complete_or_absent` would refuse.
+
+    Raises:
+        OutputError: It exists and is not an empty folder.
+    """
+    _refuse_taken(Path(os.path.realpath(out)), out)
+
+
 @contextlib.contextmanager
 def replaced(path: Path) -> Generator[Path, None, None]:
     """Yield where to write a file that becomes `path` in one step; parents are made.

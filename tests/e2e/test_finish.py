@@ -9,6 +9,7 @@ import urllib.request
 import zipfile
 from pathlib import Path
 
+import pycolmap
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect
 
@@ -27,12 +28,12 @@ FAULTS = """() => {
   const faults = [];
   const sheet = document.querySelector('.sheet');
   if (sheet.scrollWidth > sheet.clientWidth) faults.push('scrolls sideways');
-  for (const each of sheet.querySelectorAll('button, input, p, svg')) {
+  for (const each of sheet.querySelectorAll('button, input, select, p, svg')) {
     if (!each.checkVisibility()) continue;
     const { left, right, height } = each.getBoundingClientRect();
     const name = each.textContent || each.tagName;
     if (left < 0 || right > innerWidth) faults.push(`${name} is cut off`);
-    if (each.matches('button') && height < 40) faults.push(`${name} is low: ${height}`);
+    if (each.matches('button, select') && height < 40) faults.push(`${name} is low: ${height}`);
   }
   return faults;
 }"""
@@ -82,6 +83,9 @@ def test_the_best_are_downloaded_and_it_is_closed_until_one_says_so(
     sheet_says(page, f"Your browser downloads the best {count}")
     all_of_them = open_recording(downloaded(page, "Download all 6", tmp_path / "all"))
     assert len(all_of_them) == 6
+    page.get_by_label("Format").select_option("COLMAP")
+    model = pycolmap.Reconstruction(downloaded(page, "Download all 6", tmp_path / "m") / "sparse/0")
+    assert model.num_reg_images() == 6
 
     page.get_by_role("button", name="Close").click()
     page.get_by_text("This session is finished").wait_for()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import urllib.request
 from uuid import UUID
 
@@ -27,7 +28,7 @@ FINGER_PX = 44
 FAULTS = """least => {
   const faults = [];
   if (document.documentElement.scrollWidth > innerWidth) faults.push('scrolls sideways');
-  for (const each of document.querySelectorAll('header a, main a, main button')) {
+  for (const each of document.querySelectorAll('header a, main a, main button, main select')) {
     if (!each.checkVisibility({ visibilityProperty: true })) continue;
     const name = each.textContent.trim() || each.className;
     const { left, right, width, height } = each.getBoundingClientRect();
@@ -95,7 +96,10 @@ def test_it_is_of_use_at_every_size(browser: Browser, server: LiveServer, count:
             assert pictures.first.evaluate("picture => picture.naturalWidth") > 0
             keep_picture(page, f"list-{count}-{name.replace(' ', '-')}")
             items.nth(count // 2).click()
-            page.get_by_role("link", name="Download the data set").wait_for()
+            whole = page.get_by_role("link", name="Download the data set")
+            whole.wait_for()
+            page.get_by_label("Format").select_option("COLMAP")
+            expect(whole).to_have_attribute("href", re.compile(r"/dataset\.zip\?format=colmap$"))
             expect(page.locator("#detail h1")).to_be_in_viewport(timeout=PATIENCE_MS)
             found += page.evaluate(FAULTS, FINGER_PX)
             keep_picture(page, f"session-{count}-{name.replace(' ', '-')}")

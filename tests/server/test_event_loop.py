@@ -188,6 +188,7 @@ REQUESTS: list[tuple[str, str, Any]] = [
     ("get", f"{SESSION}/selection", None),
     ("get", f"{SESSION}/dataset.zip", None),
     ("get", f"{SESSION}/dataset.zip?views=auto", None),
+    ("get", f"{SESSION}/dataset.zip?format=colmap", None),
     ("patch", CAPTURE, {"ending": "set_aside"}),
     ("patch", CAPTURE, {"ending": None}),
     ("delete", CAPTURE, None),

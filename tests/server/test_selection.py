@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import tempfile
 import zipfile
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 from starlette.testclient import TestClient
 
@@ -26,6 +28,7 @@ from capture_uploads import (
     depth_mm,
     header,
     new_session,
+    photo,
     upload,
     upload_without_depth,
 )
@@ -186,6 +189,54 @@ def test_all_of_them_are_as_before(client: TestClient) -> None:
         names = archive.namelist()
     assert "selection.csv" not in names
     assert sum(name.endswith(".jpg") for name in names) == CAPTURES
+
+
+@pytest.mark.parametrize("to", ["colmap", "colmap-text", "instant-ngp", "llff", "tum"])
+@pytest.mark.parametrize("views", [None, "2"])
+def test_the_data_set_comes_in_other_formats(
+    client: TestClient, tmp_path: Path, views: str | None, to: str
+) -> None:
+    query = {"format": to} if views is None else {"format": to, "views": views}
+    assert client.head(f"{SESSION}/dataset.zip", params=query).status_code == 200
+    answer = client.get(f"{SESSION}/dataset.zip", params=query)
+    assert answer.status_code == 200
+    assert f"-{to}.zip" in answer.headers["Content-Disposition"]
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert archive.testzip() is None
+        names = archive.namelist()
+        archive.extractall(tmp_path)
+    count = CAPTURES if views is None else 2
+    pictures = [name for name in names if name.startswith("rgb/" if to == "tum" else "images/")]
+    assert len(pictures) == count
+    assert ("selection.csv" in names) == (views is not None)
+    assert ("notes.txt" in names) == (to == "tum")
+    if to in ("colmap", "colmap-text"):
+        model = pycolmap.Reconstruction(tmp_path / "sparse/0")
+        assert model.num_reg_images() == count
+        assert len(model.points3D) > 100
+    if to == "instant-ngp":
+        recording = open_recording(tmp_path)
+        assert len(recording) == count
+        assert all(recording.has_depth)
+    assert list(Path(tempfile.gettempdir()).glob("peaking-download-*")) == []
+
+
+@pytest.mark.parametrize("to", ["ply", "", "COLMAP"])
+def test_a_wrong_format_is_refused(client: TestClient, to: str) -> None:
+    answer = client.get(f"{SESSION}/dataset.zip", params={"format": to})
+    assert answer.status_code == 400
+    assert "format" in answer.json()["detail"]
+
+
+def test_what_a_format_needs_and_captures_lack_is_said(tmp_path: Path) -> None:
+    with started(tmp_path) as client:
+        assert client.get(f"{SESSION}/dataset.zip?format=tum").status_code == 409
+        body = body_of(header(1, depth=None), photo(1))
+        assert client.put(f"{SESSION}/captures/{capture_id(1)}", content=body).status_code == 201
+        answer = client.get(f"{SESSION}/dataset.zip?format=llff")
+        assert answer.status_code == 409
+        assert "how far away things are" in answer.json()["detail"]
+        assert str(tmp_path) not in answer.text
 
 
 @pytest.mark.parametrize("views", ["0", "best", "-1", "2.5", ""])

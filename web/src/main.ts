@@ -163,7 +163,7 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     finish: (name) => void session.finish(name),
     takeMore: () => void session.reopen(),
     selection: (signal) => session.selection(signal),
-    dataset: (count) => session.dataset(count),
+    dataset: (asked) => session.dataset(asked),
     newSession: () => beginAnew(query),
   }, replay, rules);
   extension?.attach({ live, session, overlay });

@@ -119,6 +119,7 @@ export interface Selection {
 /** What is asked of GET /api/v1/sessions/{session}/dataset.zip, after the question mark. */
 export interface DatasetQuery {
   readonly views?: number | 'auto' | null;
+  readonly format?: 'colmap' | 'colmap-text' | 'instant-ngp' | 'llff' | 'nerfstudio' | 'tum';
 }
 
 /** A pose from which a view helps. */

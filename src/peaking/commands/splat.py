@@ -26,9 +26,10 @@ Backend = Literal["numba", "gsplat"]
 
 @dataclass(frozen=True)
 class Splat:
-    """Train 3D Gaussians on a recording and write them as a .ply file.
+    """Train 3D Gaussians on a recording and write them as a .ply, .spz or glTF file.
 
-    The file opens in SuperSplat and other viewers of 3D Gaussian splatting. NAME_preview.jpg, in
+    The file opens, the right way up, in SuperSplat and other viewers of 3D Gaussian splatting
+    (docs/formats.md). NAME_preview.jpg, in
     the same folder, shows photographs and, to the right of each, the rendering from the same camera
     and its depth. If the recording has depth, training starts from it.
 
@@ -42,7 +43,8 @@ class Splat:
     """A recording of any format (docs/formats.md; a session of `peaking serve` is one), with or
     without depth."""
     out: Path
-    """The .ply file to write; an old one is replaced."""
+    """The file to write: .ply, .compressed.ply, .spz (both: extra `formats`), .glb, .gltf; an old
+    one is replaced."""
     iterations: int = 2000
     """Training steps; each uses one picture."""
     pixels: int = 57280
@@ -59,6 +61,9 @@ class Splat:
     """Train on the CPU (numba) or on CUDA (gsplat, extra `splat`); auto: on CUDA if available."""
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Camera poses to train on: the recorded ones or COLMAP's (extra `colmap`)."""
+    up: Literal["auto", "none", "+x", "-x", "+y", "-y", "+z", "-z"] = "auto"
+    """Axis of the recording that points up; the scene is turned so that viewers of the file's
+    format show it upright. auto: as most pictures say; none: keep the recording's axes."""
     json: Path | None = None
     """Also write the number of Gaussians and the PSNR to this file, as JSON."""
     reading: SceneOptions = field(default_factory=SceneOptions)
@@ -68,8 +73,7 @@ class Splat:
         from tqdm import tqdm
 
         from peaking.commands.results import write_results
-        from peaking.output import write_atomically
-        from peaking.splat.ply import encode_ply
+        from peaking.export.splats import said_of, write_splats
         from peaking.splat.training import TrainingStep, train
 
         self._check()
@@ -85,15 +89,9 @@ class Splat:
                 bar.update()
 
             gaussians = train(training, options, points=points, backend=backend, progress=show)
-        data = encode_ply(gaussians)
-        write_atomically(self.out, data)
-        say(f"{self.out}: {len(gaussians)} Gaussians, {len(data) / 1e6:.1f} MB")
-        if gaussians.origin_m.any():
-            x, y, z = gaussians.origin_m
-            say(
-                f"its coordinates are counted from ({x:.0f}, {y:.0f}, {z:.0f}), because files of "
-                "3D Gaussians have no room for numbers so large (comment origin_m in the file)"
-            )
+        shown = self._upright(gaussians, training)
+        write_splats(self.out, shown)
+        say(*said_of(self.out, shown))
         if self.previews:
             self._write_preview(gaussians, held_out or training)
         psnr_db = _mean_psnr_db(gaussians, held_out) if held_out else None
@@ -110,12 +108,27 @@ class Splat:
             },
         )
 
+    def _upright(self, gaussians: Gaussians, frames: Sequence[Frame]) -> Gaussians:
+        """Return the Gaussians in the axes that viewers of the file expect."""
+        from peaking.export.splats import upright
+        from peaking.export.up import guess_up
+
+        if self.up == "none":
+            return gaussians
+        up = guess_up([frame.camera for frame in frames]) if self.up == "auto" else self.up
+        if up is None:
+            say("which way is up is not known (cameras were held in many ways): --up tells")
+            return gaussians
+        return upright(gaussians, up, self.out)
+
     def _check(self) -> None:
         from peaking.errors import OutputError
+        from peaking.export.splats import ENDINGS, check_writable, ending_of
         from peaking.output import check_folder
 
-        if self.out.suffix.lower() != ".ply":
-            raise ArgumentError(f"need a file name ending in .ply for --out, got {self.out}")
+        if ending_of(self.out) is None:
+            endings = ", ".join(ENDINGS)
+            raise ArgumentError(f"need a file name ending in {endings} for --out, got {self.out}")
         if self.pixels < 256 or self.hold_out < 0 or self.hold_out == 1 or self.previews < 0:
             raise ArgumentError(
                 "need --pixels of at least 256, --hold-out 0 or at least 2, --previews at least 0"
@@ -129,6 +142,7 @@ class Splat:
         above = next(folder for folder in self.out.absolute().parents if folder.exists())
         if not os.access(above, os.W_OK):
             raise OutputError(f"{self.out}: not writable; choose a folder that you may write to")
+        check_writable(self.out)
         with checked_arguments():
             self._options()
 

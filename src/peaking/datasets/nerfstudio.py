@@ -28,6 +28,7 @@ from peaking.datasets.lens import Lens
 from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.recording import GLASS, MIRROR
 from peaking.datasets.stored_images import (
+    as_handed_on,
     depth_size_px,
     is_floating,
     picture_size_px,
@@ -304,6 +305,24 @@ class NerfstudioRecording:
             (folder / FILE_NAME).write_text(text, encoding="utf-8")
             written = _opened_again(folder, out, chosen)
         return replace(written, root=out)
+
+    def picture_bytes(self, index: int, *, keep_exif: bool = False) -> bytes | None:
+        """Return a straight picture as it is stored (JPEG or PNG), without metadata.
+
+        None where it has to be encoded, as `PosedRecording.picture_bytes` has it.
+
+        Args:
+            index: Of the frame.
+            keep_exif: Leave metadata in.
+
+        Raises:
+            RecordingError: It cannot be read.
+        """
+        view = self.views[index]
+        if view.lens.has_distortion:
+            return None
+        data = read_bytes(self.root / view.picture, within=self._within)
+        return as_handed_on(data, keep_exif=keep_exif)
 
     def _fields(self, index: int) -> Fields:
         return Fields(self.path, self.views[index].entry, self.top, f"frames[{index}]")

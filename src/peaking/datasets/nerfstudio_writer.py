@@ -46,14 +46,14 @@ def write_frames(frames: Iterable[WrittenFrame], out: Path) -> None:
         OutputError: `out` is taken, full or not writable.
     """
     with complete_or_absent(out) as folder:
-        listed = [_written(one, folder) for one in frames]
+        listed = [write_frame(one, folder) for one in frames]
         # Brush knows no PINHOLE; OPENCV without coefficients is read everywhere.
         text = json.dumps({"camera_model": "OPENCV", "frames": listed}, indent=1)
         (folder / FILE_NAME).write_text(text + "\n", encoding="utf-8")
 
 
-def _written(one: WrittenFrame, folder: Path) -> dict[str, Any]:
-    """Write the files of a frame, and return its entry."""
+def write_frame(one: WrittenFrame, folder: Path) -> dict[str, Any]:
+    """Write the files of a frame into a folder, and return its entry of transforms.json."""
     frame, k = one.frame, one.frame.camera.pinhole
     data = one.picture or encode_jpeg(frame.rgb)
     ending = "jpg" if data.startswith(jpeg.START) else "png"

@@ -23,6 +23,7 @@ from peaking.datasets.lens import Lens
 from peaking.datasets.nerfstudio_writer import WrittenFrame, write_frames
 from peaking.datasets.recording import Recording
 from peaking.datasets.stored_images import (
+    as_handed_on,
     depth_size_px,
     picture_size_px,
     read_depth,
@@ -34,7 +35,6 @@ from peaking.errors import RecordingError
 from peaking.frame import Frame, mask_resized
 from peaking.geometry import Cam, Camera, Pinhole, Rigid, World
 from peaking.pictures import jpeg, png
-from peaking.pictures.metadata import is_removable, without_metadata
 
 _KIND_BYTES = 16
 
@@ -456,14 +456,7 @@ class PosedRecording:
         """
         frame = self.frames[index]
         data = None if frame.lens.has_distortion else frame.picture.stored()
-        if data is None or keep_exif:
-            return data
-        if not is_removable(data[:_KIND_BYTES]):
-            return None
-        try:
-            return without_metadata(data)
-        except ValueError:
-            return None
+        return None if data is None else as_handed_on(data, keep_exif=keep_exif)
 
     def _mask(self, frame: PosedFrame) -> Bool[np.ndarray, "h w"] | None:
         if frame.mask is None:

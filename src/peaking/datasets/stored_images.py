@@ -21,6 +21,7 @@ from peaking.errors import RecordingError
 from peaking.limits import MAX_PICTURE_BYTES
 from peaking.pictures import jpeg, png, webp
 from peaking.pictures.decoding import decode_jpeg, decode_stored
+from peaking.pictures.metadata import is_removable, without_metadata
 from peaking.pictures.too_costly import TooCostly, check_pixels
 
 T = TypeVar("T")
@@ -87,6 +88,25 @@ def read_picture(path: Path, *, within: Path | None = None) -> UInt8[np.ndarray,
         band = slice(top, top + _BAND_ROWS)
         rgb[band] = _rgb_of(stored[band])
     return rgb
+
+
+def as_handed_on(data: bytes, *, keep_exif: bool = False) -> bytes | None:
+    """Return the bytes of a picture as others get them; None where it has to be encoded again.
+
+    That is what is neither JPEG nor PNG, and what has metadata that cannot be taken out.
+
+    Args:
+        data: Of the stored file.
+        keep_exif: Leave metadata in.
+    """
+    if not data.startswith((jpeg.START, png.START)):
+        return None
+    if keep_exif:
+        return data
+    try:
+        return without_metadata(data) if is_removable(data) else None
+    except ValueError:
+        return None
 
 
 def depth_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:

@@ -29,6 +29,7 @@ from peaking.server import wire
 from peaking.server.admission import Admission, Everybody, NotAdmitted
 from peaking.server.auth import KNOWN, Guard
 from peaking.server.bodies import BoundedBodies
+from peaking.server.conversion import converted, zipped_folder
 from peaking.server.dataset import zip_stream
 from peaking.server.device_routes import DeviceHandlers, looked_after
 from peaking.server.devices import Device, Devices
@@ -142,6 +143,7 @@ class _Handlers:
         self._waiting_selections = FairRoom(MAX_SELECTIONS)
         self._files = FairRoom(MAX_FILES)
         self._zips = FairRoom(MAX_ZIPS)
+        self._converting = Turns(1, name="convert")
         self.queue = GenerationQueue(config.options, on_done=self._made, warm_up=warm_up)
         self.keeper = Keeper(
             config.options,
@@ -170,7 +172,7 @@ class _Handlers:
     def close(self) -> None:
         """End streams and threads, and let another process have the folder."""
         self.hub.close()
-        for turns in (self._storing, self._pictures, self._selecting):
+        for turns in (self._storing, self._pictures, self._selecting, self._converting):
             turns.close()
         self.guidance.close()
         self.queue.close()
@@ -272,7 +274,8 @@ class _Handlers:
 
     async def dataset(self, request: Request) -> Response:
         session = self._session(request)
-        views = read_query(request, wire.DatasetQuery).views
+        asked = read_query(request, wire.DatasetQuery)
+        views = asked.views
         if views is None:
             name = session.folder.name
             files = await self._changing(request, session.id, session.dataset_files)
@@ -281,10 +284,19 @@ class _Handlers:
             query = wire.SelectionQuery(views=None if views == "auto" else views)
             selection = await self._selected(request, session, query)
             files = await self._changing(request, session.id, chosen_files, session, selection)
+        name += "" if asked.format == "nerfstudio" else f"-{asked.format}"
         headers = attachment(f"{name}.zip")
         if request.method == "HEAD":
             return Response(media_type="application/zip", headers=headers)
-        zipped = zip_stream(files, session.folder, keep_exif=self.config.keep_exif)
+        keep_exif = self.config.keep_exif
+        if asked.format == "nerfstudio":
+            zipped = zip_stream(files, session.folder, keep_exif=keep_exif)
+        else:
+            device, to = device_of(request), asked.format
+            folder = await self._converting.do(
+                device, session.id, converted, session, files, to, keep_exif=keep_exif
+            )
+            zipped = zipped_folder(folder)
         return BoundedStream(zipped, room=self._zips, media_type="application/zip", headers=headers)
 
     async def peaked(self, request: Request) -> Response:

@@ -75,21 +75,24 @@ def _matrix_opengl(world_from_cam: wire.Pose) -> list[list[float]]:
     return (matrix @ OPENCV_FROM_OPENGL).tolist()
 
 
-class _Outbox(io.RawIOBase):
+class Outbox(io.RawIOBase):
     """A file that can only be written on, and emptied."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
 
     def writable(self) -> bool:
+        """Return that it can be written on."""
         return True
 
     def write(self, data: object, /) -> int:
+        """Keep some bytes until they are taken."""
         part = bytes(data)  # type: ignore[call-overload]
         self._parts.append(part)
         return len(part)
 
     def taken(self) -> bytes:
+        """Return what was written since it was last asked."""
         parts, self._parts = self._parts, []
         return b"".join(parts)
 
@@ -107,7 +110,7 @@ def zip_stream(
         folder: All of them lie in it.
         keep_exif: Keep the metadata of photos that an earlier version stored with it.
     """
-    outbox = _Outbox()
+    outbox = Outbox()
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, content in files:
             strips = name.endswith(".jpg") and not keep_exif

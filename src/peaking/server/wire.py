@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from peaking import options as method
+from peaking.export.names import DatasetFormat
 
 PROTOCOL = 3
 """Goes up when an older client would misunderstand; both sides refuse another version."""
@@ -249,6 +250,8 @@ class DatasetQuery(Struct, frozen=True):
 
     views: Annotated[int, Meta(ge=1, le=100_000)] | Literal["auto"] | None = None
     """The best so many, or as many as are enough, with selection.csv; all without it."""
+    format: DatasetFormat = "nerfstudio"
+    """Of the data set; what it has no room for is in notes.txt."""
 
 
 Verdict = Literal["go on", "enough", "no more help"]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64
 
 from peaking.splat.columns import LOG_SCALES, MEANS, OPACITY_LOGIT, QUATS, SH
+
+NUM_COEFFICIENTS = (1, 4, 9, 16)
+"""Of spherical harmonics up to degree 0, 1, 2, 3."""
 
 Parameters = Float32[np.ndarray, "n columns"]
 """One Gaussian per row; `columns.py` names the columns."""
@@ -22,8 +25,9 @@ class Gaussians:
         log_scales: Natural logarithms of the standard deviations (metres) along the own axes.
         quaternions: world_from_own rotations as w, x, y, z, of any length but 0.
         opacity_logits: The opacity is 1 / (1 + exp(-logit)).
-        sh: Spherical harmonics of degree 0 or 1 (1 or 4 coefficients), RGB; the colour is 0.5 plus
-            their sum for the direction from the camera, not below 0.
+        sh: Spherical harmonics of degree 0 to 3 (1, 4, 9 or 16 coefficients), RGB; the colour is
+            0.5 plus their sum for the direction from the camera, not below 0. What trains and draws
+            them knows degrees 0 and 1.
         origin_m: Where in the world `means_m` are counted from; the axes are the world's. float32
             has half a metre at 5,000 km from the origin, where maps have their coordinates.
     """
@@ -36,8 +40,8 @@ class Gaussians:
     origin_m: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        if self.sh.shape[1] not in (1, 4):
-            raise ValueError(f"need 1 or 4 SH coefficients, got {self.sh.shape[1]}")
+        if self.sh.shape[1] not in NUM_COEFFICIENTS:
+            raise ValueError(f"need 1, 4, 9 or 16 SH coefficients, got {self.sh.shape[1]}")
         for name in [column.name for column in fields(self)]:
             values = getattr(self, name)
             if name != "origin_m" and len(values) != len(self.means_m):
@@ -52,6 +56,15 @@ class Gaussians:
     def opacities(self) -> Float32[np.ndarray, "n"]:
         """Opacity of the centre, 0…1."""
         return (1 / (1 + np.exp(-self.opacity_logits.astype(np.float64)))).astype(np.float32)
+
+    @property
+    def degree(self) -> int:
+        """Of their spherical harmonics."""
+        return NUM_COEFFICIENTS.index(self.sh.shape[1])
+
+    def of_degree(self, degree: int) -> Gaussians:
+        """Return them without coefficients above a degree."""
+        return replace(self, sh=self.sh[:, : NUM_COEFFICIENTS[degree]].copy())
 
     def parameters(self) -> Parameters:
         """Return all parameters as one matrix, a row for each Gaussian."""

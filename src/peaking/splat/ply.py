@@ -19,7 +19,7 @@ from jaxtyping import Float64
 from peaking.errors import SplatFileError
 from peaking.limits import MAX_GAUSSIANS, MAX_SPLAT_BYTES
 from peaking.output import write_atomically
-from peaking.splat.gaussians import Gaussians
+from peaking.splat.gaussians import NUM_COEFFICIENTS, Gaussians
 
 NUM_REST = 15
 """Coefficients per channel of the degrees 1 to 3."""
@@ -65,10 +65,14 @@ def encode_ply(gaussians: Gaussians) -> bytes:
     return "\n".join(header).encode("ascii") + values.astype("<f4").tobytes()
 
 
-def read_ply(path: Path) -> Gaussians:
-    """Read a file of this form, of any degree; coefficients above degree 1 are left out.
+def read_ply(path: Path, *, max_degree: int = 1) -> Gaussians:
+    """Read a file of this form, of any degree.
 
     Reading takes the memory of the Gaussians, twice at most, whatever else the file holds.
+
+    Args:
+        path: The file.
+        max_degree: Coefficients above it are left out, and those of degrees that are all 0.
 
     Raises:
         SplatFileError: It is not such a file, lacks a property, is cut off, holds NaN, or more than
@@ -85,7 +89,7 @@ def read_ply(path: Path) -> Gaussians:
                 needs = f"needs {4 * n * len(names)} bytes of data, has {size - start}"
                 raise SplatFileError(f"{path}: {needs}")
             file.seek(start)
-            gaussians = _gaussians(path, file, n, names)
+            gaussians = _gaussians(path, file, n, names, max_degree)
             return replace(gaussians, origin_m=_origin_m(path, head[:start]))
     except OSError as error:
         raise SplatFileError(f"{path}: cannot be read ({error.strerror})") from error
@@ -136,11 +140,11 @@ def _origin_m(path: Path, head: bytes) -> Float64[np.ndarray, "3"]:
     return np.zeros(3)
 
 
-def _gaussians(path: Path, file: BinaryIO, n: int, names: list[str]) -> Gaussians:
+def _gaussians(path: Path, file: BinaryIO, n: int, names: list[str], max_degree: int) -> Gaussians:
     per_channel = sum(name.startswith("f_rest_") for name in names) // 3
-    degree = 1 if per_channel >= 3 else 0
+    there = [count for count in NUM_COEFFICIENTS[: max_degree + 1] if count <= 1 + per_channel]
     sh = [[f"f_dc_{c}" for c in range(3)]]
-    sh += [[f"f_rest_{c * per_channel + k}" for c in range(3)] for k in range(3 * degree)]
+    sh += [[f"f_rest_{c * per_channel + k}" for c in range(3)] for k in range(there[-1] - 1)]
     parts = {
         "means_m": ["x", "y", "z"],
         "log_scales": ["scale_0", "scale_1", "scale_2"],
@@ -160,15 +164,16 @@ def _gaussians(path: Path, file: BinaryIO, n: int, names: list[str]) -> Gaussian
         for part, own in columns.items():
             values[part][first : first + rows] = block[:, own]
     coefficients = values["sh"].reshape(n, len(sh), 3)
-    if not coefficients[:, 1:].any():
-        coefficients = coefficients[:, :1].copy()
+    while len(there) > 1 and not coefficients[:, there[-2] : there[-1]].any():
+        there.pop()
+    coefficients = coefficients[:, : there[-1]]
     try:
         return Gaussians(
             means_m=values["means_m"],
             log_scales=values["log_scales"],
             quaternions=values["quaternions"],
             opacity_logits=values["opacity_logits"][:, 0],
-            sh=coefficients,
+            sh=coefficients.copy(),
         )
     except ValueError as error:
         raise SplatFileError(f"{path}: {error}") from error

@@ -25,8 +25,11 @@ def render(
     """Return colour, opacity and depth as the camera would see them.
 
     Raises:
+        ValueError: Their spherical harmonics are of degree 2 or 3.
         BackendUnavailable: gsplat, torch or CUDA is missing.
     """
+    if gaussians.degree > 1:
+        raise ValueError(f"need Gaussians of degree 0 or 1, got {gaussians.degree}: see of_degree")
     cut_offs = cut_offs or CutOffs()
     camera = camera.relative_to(gaussians.origin_m)
     if backend == "numpy":

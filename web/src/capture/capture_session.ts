@@ -7,7 +7,7 @@ import { wireOfCamera } from '../geometry';
 import { ApiError, type Api } from '../server/api';
 import { sessionEvents, type Connection } from '../server/events';
 import type { Pacing } from '../server/pacing';
-import type { Capture, NewSession, PeakedSample, Selection } from '../wire';
+import type { Capture, DatasetQuery, NewSession, PeakedSample, Selection } from '../wire';
 import { askToPersist, type CaptureDb } from './capture_db';
 import {
   listsTheSame, NOTHING_KNOWN, reduce, restorableOf, risenOf, viewsOf, type CaptureAction, type CapturedView,
@@ -236,15 +236,15 @@ export class CaptureSession implements Disposable {
   }
 
   /**
-   * Have the data set of the best so many views made ready, or of all.
+   * Have a data set made ready: of the best so many views or of all, in a format.
    *
    * @returns Where it is.
    * @throws ApiError
    */
-  async dataset(views: number | null): Promise<string> {
+  async dataset(query: DatasetQuery): Promise<string> {
     const { api } = this.options;
-    await api.prepareDataset(this.id, views);
-    return api.datasetUrl(this.id, views);
+    await api.prepareDataset(this.id, query);
+    return api.datasetUrl(this.id, query);
   }
 
   /** Whether `reportPeaked` would take a sample of this moment, seconds since 1970. */

@@ -7,8 +7,8 @@ import { integer, parseJson, parseKept, record, SchemaError, type Schema } from 
 import {
   captureSchema, guidanceSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
   problemSchema, PROTOCOL, recordingIndexSchema, selectionSchema, serverInfoSchema, sessionSchema,
-  sessionSummarySchema, type Capture, type CaptureChange, type Guidance, type NewSession, type Paired,
-  type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
+  sessionSummarySchema, type Capture, type CaptureChange, type DatasetQuery, type Guidance,
+  type NewSession, type Paired, type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
   type RecordingIndex, type Selection, type ServerInfo, type Session,
   type SessionChange, type SessionSummary,
 } from '../wire';
@@ -257,14 +257,14 @@ export class Api {
     return this.#url(`${capturePath(sessionId, captureId)}/thumbnail`);
   }
 
-  /** @param views The best so many, or as many as are enough; null: all. */
-  datasetUrl(sessionId: string, views: number | 'auto' | null = null): string {
-    return this.#url(datasetPath(sessionId, views));
+  /** @param query Which views, in which format: all, in nerfstudio's, by default. */
+  datasetUrl(sessionId: string, query: DatasetQuery = {}): string {
+    return this.#url(datasetPath(sessionId, query));
   }
 
-  /** Have a data set made ready, so that it comes at once. */
-  async prepareDataset(sessionId: string, views: number | 'auto' | null): Promise<void> {
-    await this.#ask('HEAD', datasetPath(sessionId, views), { bulk: true });
+  /** Have a data set made ready, so that it comes soon. */
+  async prepareDataset(sessionId: string, query: DatasetQuery): Promise<void> {
+    await this.#ask('HEAD', datasetPath(sessionId, query), { bulk: true });
   }
 
   /** How good the captures are, and how many of them are enough: seconds, the first time. */
@@ -371,8 +371,12 @@ function capturePath(sessionId: string, captureId: string): string {
   return `${sessionPath(sessionId)}/captures/${encodeURIComponent(captureId)}`;
 }
 
-function datasetPath(sessionId: string, views: number | 'auto' | null): string {
-  return `${sessionPath(sessionId)}/dataset.zip${views === null ? '' : `?views=${views}`}`;
+function datasetPath(sessionId: string, { views, format }: DatasetQuery): string {
+  const query = [
+    ...(views === undefined || views === null ? [] : [`views=${views}`]),
+    ...(format === undefined || format === 'nerfstudio' ? [] : [`format=${format}`]),
+  ].join('&');
+  return `${sessionPath(sessionId)}/dataset.zip${query === '' ? '' : `?${query}`}`;
 }
 
 function recordingPath(name: string): string {

@@ -3,6 +3,7 @@
 import { Api, ApiError } from '../server/api';
 import { serverEvents, sessionEvents, type Connection } from '../server/events';
 import { make } from '../ui/dom';
+import { FormatChoice, type DatasetFormat } from '../ui/format_choice';
 import { PAPER_PERCENT, percent } from '../ui/share_graph';
 import { viewsText } from '../ui/words';
 import type { PeakedSample, ServerEvent, Session, SessionEvent, SessionSummary } from '../wire';
@@ -242,18 +243,23 @@ function drawDetail(): void {
   const undone = captures.filter(({ restorable }) => restorable === true).map((capture) =>
     button(`Bring back view ${capture.number}${capture.ending === 'set_aside' ? ', set aside' : ''}`, () =>
       void api.restoreCapture(id, capture.id).catch(failed)));
+  const whole = make('a', { className: 'button primary', download: '' }, 'Download the data set');
+  const best = make('a', {
+    className: 'button', download: '', title: 'As many views as show nearly what all do',
+  }, 'Download the best');
+  const point = (format: DatasetFormat): void => {
+    whole.href = api.datasetUrl(id, { format });
+    best.href = api.datasetUrl(id, { views: 'auto', format });
+  };
+  const choice = new FormatChoice(point);
+  point(choice.format);
   detail.replaceChildren(
     make('a', { className: 'button back', href: '#' }, 'All sessions'),
     make('h1', {}, summary.name),
     make('div', { className: 'quiet' }, `${viewsText(summary.captures)}, ${summary.ready} ready`
       + `${summary.finished ? ', finished' : ''} · folder ${summary.folder}`),
     make('div', { className: 'row' },
-      make('a', { className: 'button primary', href: api.datasetUrl(id), download: '' },
-        'Download the data set'),
-      ...(summary.ready < 2 ? [] : [make('a', {
-        className: 'button', href: api.datasetUrl(id, 'auto'), download: '',
-        title: 'As many views as show nearly what all do',
-      }, 'Download the best')]),
+      whole, ...(summary.ready < 2 ? [] : [best]), choice.element,
       summary.finished ? button('Take more views', () => void takeMore(summary))
         : make('a', { className: 'button', href: capturePage(summary) }, 'Continue capturing'), rename, remove),
     ...(summary.damaged ? [make('p', { className: 'quiet problem' }, `${summary.damaged} records of this `

@@ -4,6 +4,7 @@ import type { CapturedView } from '../capture/capture_session';
 import { ApiError } from '../server/api';
 import type { Selection } from '../wire';
 import { make } from './dom';
+import { FormatChoice } from './format_choice';
 import { drawQuality } from './quality_curve';
 import { sheet, type Sheet, type SheetActions, type SheetState } from './sheets';
 import { viewsText } from './words';
@@ -70,6 +71,7 @@ class FinishSheet implements Sheet {
   readonly #name: HTMLInputElement;
   readonly #best = secondary('', () => void this.#download(this.#selection?.enough ?? null));
   readonly #all = secondary('', () => void this.#download(null));
+  readonly #format = new FormatChoice();
   readonly #finish = secondary('Finish without downloading', () => this.#end());
   readonly #more = secondary('Take more views', () => this.#takeMore());
   readonly #title: HTMLElement | null;
@@ -88,7 +90,8 @@ class FinishSheet implements Sheet {
   ) {
     this.#name = make('input', { type: 'text', value: name, maxLength: 80 });
     this.element = sheet('Finish', close, this.#got, this.#curve, this.#onTheWay, this.#undone,
-      make('label', {}, 'Session name', this.#name), this.#said, this.#best, this.#all, this.#finish,
+      make('label', {}, 'Session name', this.#name), this.#format.element,
+      this.#said, this.#best, this.#all, this.#finish,
       this.#more, secondary('Start a new session', () => actions.newSession()));
     this.#title = this.element.querySelector('h2');
     this.#state = state;
@@ -190,7 +193,7 @@ class FinishSheet implements Sheet {
     this.actions.finish(this.#name.value.trim() || this.name);
     this.#show();
     try {
-      const href = await this.actions.dataset(views);
+      const href = await this.actions.dataset({ views, format: this.#format.format });
       make('a', { href, download: '' }).click();
       this.#say(`Finished. Your browser downloads the ${what} as a zip; it is kept on the server, too.`);
     } catch (error) {

@@ -2,7 +2,7 @@
 
 import type { CapturedView } from '../capture/capture_session';
 import type { Look } from '../render/view_renderer';
-import type { Selection } from '../wire';
+import type { DatasetQuery, Selection } from '../wire';
 import { button, make } from './dom';
 
 /** What the sheets ask of the page. */
@@ -18,7 +18,7 @@ export interface SheetActions {
   /** How good the views are, and how many are enough. @throws ApiError */
   selection(signal: AbortSignal): Promise<Selection>;
   /** Have the data set of the best so many, or of all, made ready. @returns Where it is. @throws ApiError */
-  dataset(views: number | null): Promise<string>;
+  dataset(query: DatasetQuery): Promise<string>;
 }
 
 /** What a sheet shows of a session. */

@@ -55,6 +55,15 @@ test('a browser that is paired already goes on with a link that is used up', asy
   expect(shown.shown).toEqual(['/?source=virtual']);
 });
 
+test('a data set is asked for by views and format', () => {
+  const [api] = apiThat(() => json({}));
+  const address = 'http://server/api/v1/sessions/c0ffee00/dataset.zip';
+  expect(api.datasetUrl('c0ffee00')).toBe(address);
+  expect(api.datasetUrl('c0ffee00', { format: 'nerfstudio', views: null })).toBe(address);
+  expect(api.datasetUrl('c0ffee00', { views: 'auto' })).toBe(`${address}?views=auto`);
+  expect(api.datasetUrl('c0ffee00', { views: 7, format: 'tum' })).toBe(`${address}?views=7&format=tum`);
+});
+
 test('a device is called what its owner calls it', () => {
   const pixel = 'Mozilla/5.0 (Linux; Android 15; Pixel 9) AppleWebKit/537.36 Chrome/147.0 Mobile';
   expect(deviceName(pixel)).toBe('Chrome on Pixel 9');
