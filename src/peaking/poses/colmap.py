@@ -7,7 +7,6 @@ from that, the recorded poses only decide which pictures are matched.
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,13 +16,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from peaking.errors import BackendUnavailable, CamerasNotFound
+from peaking.errors import CamerasNotFound
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.output import encode_png
 from peaking.point_cloud import PointCloud
+from peaking.poses.extra import imported
 
-INSTALL = "pip install 'peaking[colmap]', or take --cameras recorded"
 FEATURE_PIXELS = 540 * 960
 """Features are found in pictures no larger than this."""
 NUM_FEATURES = 4096
@@ -59,7 +58,7 @@ def estimate_cameras(frames: Sequence[Frame], *, seed: int = 0) -> Estimate:
         BackendUnavailable: pycolmap is not installed.
         CamerasNotFound: Fewer than three pictures could be joined.
     """
-    pycolmap = _imported()
+    pycolmap = imported(", or take --cameras recorded")
     pycolmap.logging.minloglevel = 2
     pycolmap.set_random_seed(seed)
     small = [shrunk_for_features(frame) for frame in frames]
@@ -233,10 +232,3 @@ def _points(model: Any, frames: Sequence[Frame], similarity: Similarity) -> Poin
 
 def _file_name(index: int) -> str:
     return f"{index:06d}.png"
-
-
-def _imported() -> Any:
-    try:
-        return importlib.import_module("pycolmap")
-    except ImportError as error:
-        raise BackendUnavailable(f"pycolmap is not installed: {INSTALL}") from error
