@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import msgspec
@@ -18,6 +19,8 @@ from peaking.errors import CamerasNotFound, RecordingError
 from peaking.frame import working_size_px
 from peaking.geometry import Cam, Pinhole, Rigid, World
 from peaking.poses.structure import Photograph, Placed, Progress, Structure, find_structure
+
+Kept = TypeVar("Kept")
 
 FEATURE_PIXELS = 540 * 960
 """Features are looked for in pictures no larger than this."""
@@ -153,12 +156,20 @@ def read_found(folder: Path) -> Found:
     Raises:
         RecordingError: It was damaged.
     """
+    return read_kept(folder / FOUND, Found)
+
+
+def read_kept(path: Path, kind: type[Kept]) -> Kept:
+    """Return what is kept in a file.
+
+    Raises:
+        RecordingError: It was damaged.
+    """
     try:
-        return msgspec.json.decode((folder / FOUND).read_bytes(), type=Found)
+        return msgspec.json.decode(path.read_bytes(), type=kind)
     except (OSError, msgspec.MsgspecError) as error:
-        raise RecordingError(
-            folder, "what was kept of a recording is damaged", remedy="remove this folder"
-        ) from error
+        problem = "was damaged in peaking's cache"
+        raise RecordingError(path, problem, remedy="remove the folder it is in") from error
 
 
 def for_features(rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-LEAST_SHIFT = 0.03
+LEAST_SHIFT = 0.02
 """What is shown moves by so much of the longer side from one to the next."""
 WINDOW = 1.5
 """Of the pictures up to so many times that shift, the sharpest is taken."""
@@ -79,8 +79,8 @@ def _small(rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w"]:
 
 
 def _corners(gray: UInt8[np.ndarray, "h w"]) -> np.ndarray:
-    found: np.ndarray | None = cv2.goodFeaturesToTrack(gray, _CORNERS, 0.01, 6)  # None: no corner
-    return np.asarray([] if found is None else found, np.float32).reshape(-1, 1, 2)
+    found = np.asarray(cv2.goodFeaturesToTrack(gray, _CORNERS, 0.01, 6), np.float32)
+    return found if found.ndim == 3 else np.zeros((0, 1, 2), np.float32)  # it found none
 
 
 def _shift(

@@ -23,3 +23,8 @@ def imported(otherwise: str = "") -> Any:
         raise BackendUnavailable(
             f"pycolmap is not installed: pip install 'peaking[colmap]'{otherwise}"
         ) from error
+
+
+def hush(pycolmap: Any) -> None:
+    """Let it print errors only; some of its functions set that back."""
+    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
