@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from peaking.datasets import Recording, open_recording
 from peaking.datasets.cache import cache_folder
+from peaking.datasets.posed_frames import PosedRecording
 from peaking.datasets.video_choice import LEAST_SHIFT, WINDOW, Chooser, Shown
 from peaking.datasets.video_frames import VideoFile
 from peaking.errors import BackendUnavailable, PeakingError, RecordingError
@@ -24,6 +25,8 @@ DESK = Path(__file__).parents[2] / "scenes" / "desk"
 POSITIONS_AGREE = 0.02
 """Root mean square over the length of the path. Measured: see docs/video.md for real ones."""
 DIRECTIONS_AGREE_DEG = 0.5
+LEAST_KNOWN, DEPTHS_AGREE = 0.2, 0.05
+"""Share of pixels; median error over depth."""
 STEPS = range(0, 40, 4)
 
 
@@ -82,6 +85,23 @@ def assert_cameras_agree(found: Recording, recorded: Recording, indices: list[in
         assert angle < DIRECTIONS_AGREE_DEG
 
 
+def assert_depth_agrees(found: PosedRecording, recorded: Recording, indices: list[int]) -> None:
+    """Compare depth with the drawn one, at the scale of the poses."""
+    true = [recorded.cameras[i].world_from_cam for i in indices]
+    scale = similarity_to([camera.world_from_cam for camera in found.cameras], true).scale
+    off: list[np.ndarray] = []
+    for place, index in enumerate(indices):
+        depth_m, meant_m = found.read(place).depth_m, recorded.read(index).depth_m
+        assert depth_m is not None
+        assert meant_m is not None
+        size = depth_m.shape[1], depth_m.shape[0]
+        meant_m = np.asarray(cv2.resize(meant_m, size, interpolation=cv2.INTER_NEAREST))
+        known = (depth_m > 0) & (meant_m > 0)
+        assert known.mean() > LEAST_KNOWN
+        off.append(np.abs(scale * depth_m[known] / meant_m[known] - 1))
+    assert np.median(np.concatenate(off)) < DEPTHS_AGREE
+
+
 def clip_of_the_desk(path: Path) -> Path:
     desk = open_recording(DESK)
     return written(path, [desk.read(i).rgb[:638] for i in STEPS])
@@ -91,29 +111,30 @@ def test_a_video_is_placed_as_it_was_filmed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clip = clip_of_the_desk(tmp_path / "desk.mp4")
-    recording = open_recording(clip)
-    desk = open_recording(DESK)
+    recording, desk = open_recording(clip), open_recording(DESK)
+    assert isinstance(recording, PosedRecording)
     assert recording.format == "video"
     assert len(recording) >= 4
     assert "scale is unknown" in recording.notes[0]
-    assert not any(recording.has_depth)
+    assert all(recording.has_depth)
     times_s = [time for time in recording.timestamps_s if time is not None]
     indices = [STEPS[int(name)] for name in recording.names]
     np.testing.assert_allclose(times_s, [int(name) / 10 for name in recording.names], atol=0.001)
     assert_cameras_agree(recording, desk, indices)
-    frame = recording.read(0)
-    assert frame.points_m is not None
-    xy_px, depth = frame.camera.project(frame.points_m)
+    assert_depth_agrees(recording, desk, indices)
+    points_m = recording.frames[0].points_m
+    assert points_m is not None
+    xy_px, away = recording.cameras[0].project(points_m())
     assert len(xy_px) > 50
     assert (xy_px > -1).all()
-    assert (xy_px < np.array(frame.camera.pinhole.size_px) + 1).all()
-    assert 1.0 < np.median(depth) < 2.5
+    assert (xy_px < np.array(recording.cameras[0].pinhole.size_px) + 1).all()
+    assert 1.0 < np.median(away) < 2.5
 
     monkeypatch.setitem(sys.modules, "pycolmap", None)  # it is not asked for a second time
     again = open_recording(clip)
     assert again.fingerprint() == recording.fingerprint()
     subset = recording.write_subset([1, 0], tmp_path / "subset")
-    assert subset.read(0).points_m is not None
+    assert subset.read(0).depth_m is not None
 
 
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

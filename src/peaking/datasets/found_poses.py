@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,10 +14,11 @@ import numpy as np
 from jaxtyping import Float64, UInt8
 
 from peaking.datasets.lens import Lens
-from peaking.datasets.posed_frames import PictureSource, PosedFrame, PosedRecording
+from peaking.datasets.posed_frames import PictureSource, PosedFrame, PosedRecording, StoredDepth
 from peaking.errors import CamerasNotFound, RecordingError
-from peaking.frame import working_size_px
+from peaking.frame import Frame, working_size_px
 from peaking.geometry import Cam, Pinhole, Rigid, World
+from peaking.output import depth_mm, encode_png
 from peaking.poses.structure import Photograph, Placed, Progress, Structure, find_structure
 
 Kept = TypeVar("Kept")
@@ -29,11 +30,15 @@ MEDIAN_DEPTH_M = 1.5
 LEAST_POINTS = 20
 """A picture that shows fewer points has no place."""
 NAMED = 5
-FOUND = "found.json"
+DEPTH_PIXELS, DEPTH_UNIT_M = 16_000, 0.001
+FOUND, DEPTHS = "found.json", "depths"
 AGAIN = (
     "take at least 10 overlapping pictures of one thing with texture, and move sideways between "
     "them instead of turning on the spot"
 )
+
+
+Source = Callable[["FoundFrame"], PictureSource]
 
 
 class FoundFrame(msgspec.Struct, frozen=True):
@@ -47,6 +52,8 @@ class FoundFrame(msgspec.Struct, frozen=True):
     points: list[tuple[float, float, float]]
     time_s: float | None = None
     orientation: int = 1
+    depth: bool = False
+    """Whether a depth map is kept beside it."""
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -73,13 +80,71 @@ class Unplaced:
     orientation: int = 1
 
 
-def find_poses(path: Path, pictures: Sequence[Unplaced], *, in_order: bool) -> Found:
+def find_once(
+    folder: Path,
+    path: Path,
+    pictures: Sequence[Unplaced],
+    source: Source,
+    *,
+    in_order: bool,
+) -> None:
+    """Place pictures, sweep planes for their depth, and keep both in a folder.
+
+    Args:
+        folder: Where; `recording_in` reads it.
+        path: The recording, for errors.
+        pictures: In the order in which they were taken, or sorted by name.
+        source: Returns where the pixels of a picture come from.
+        in_order: Neighbours were taken one after the other.
+
+    Raises:
+        BackendUnavailable: pycolmap is not installed.
+        RecordingError: They cannot be joined.
+    """
+    from peaking.depth.plane_sweep import plane_sweep_depths_m  # which imports the compiler
+
+    with shown_progress() as progress:
+        found = find_poses(path, pictures, in_order=in_order, progress=progress)
+        progress("depth", 0, len(found.frames))
+        placed = _recording(folder, path, "", found, source)
+        (folder / DEPTHS).mkdir()
+        kept: list[FoundFrame] = []
+        for one, depth_m in zip(found.frames, plane_sweep_depths_m(_small(placed)), strict=True):
+            if depth_m.any():
+                (folder / DEPTHS / f"{one.name}.png").write_bytes(encode_png(depth_mm(depth_m)))
+            kept.append(msgspec.structs.replace(one, depth=bool(depth_m.any())))
+    (folder / FOUND).write_bytes(msgspec.json.encode(Found(kept, found.notes)))
+
+
+def recording_in(
+    folder: Path, path: Path, format_name: str, source: Source, *, within: Path | None = None
+) -> PosedRecording:
+    """Return the recording of pictures whose poses are kept in a folder.
+
+    Args:
+        folder: Where.
+        path: What errors name.
+        format_name: Of the format.
+        source: Returns where the pixels of a picture come from.
+        within: The folder that no link may lead out of, where files are handed on.
+
+    Raises:
+        RecordingError: The folder was damaged.
+    """
+    found = read_kept(folder / FOUND, Found)
+    return replace(_recording(folder, path, format_name, found, source), within=within)
+
+
+def find_poses(
+    path: Path, pictures: Sequence[Unplaced], *, in_order: bool, progress: Progress
+) -> Found:
     """Place pictures, at a scale at which what they show is at a sensible distance.
 
     Args:
         path: The recording, for errors.
         pictures: In the order in which they were taken, or sorted by name.
         in_order: Neighbours were taken one after the other.
+        progress: Told how far it is.
 
     Raises:
         BackendUnavailable: pycolmap is not installed.
@@ -88,13 +153,12 @@ def find_poses(path: Path, pictures: Sequence[Unplaced], *, in_order: bool) -> F
     if len(pictures) < 3:
         problem = f"holds {len(pictures)} pictures from different places; need at least 3"
         raise RecordingError(path, problem, remedy=AGAIN)
-    with shown_progress() as progress:
-        try:
-            structure = find_structure(
-                [picture.photograph for picture in pictures], in_order=in_order, progress=progress
-            )
-        except CamerasNotFound as error:
-            raise RecordingError(path, f"has no poses, and {error}", remedy=AGAIN) from error
+    try:
+        structure = find_structure(
+            [picture.photograph for picture in pictures], in_order=in_order, progress=progress
+        )
+    except CamerasNotFound as error:
+        raise RecordingError(path, f"has no poses, and {error}", remedy=AGAIN) from error
     placed = [
         (picture, place)
         for picture, place in zip(pictures, structure.placed, strict=True)
@@ -112,51 +176,6 @@ def find_poses(path: Path, pictures: Sequence[Unplaced], *, in_order: bool) -> F
         [_kept(picture, place, scale) for picture, place in placed],
         _notes(lost, len(pictures), structure),
     )
-
-
-def recording_of(
-    path: Path,
-    format_name: str,
-    found: Found,
-    source: Callable[[FoundFrame], PictureSource],
-    within: Path | None,
-) -> PosedRecording:
-    """Return the recording of pictures whose poses were found.
-
-    Args:
-        path: What errors name.
-        format_name: Of the format.
-        found: The poses.
-        source: Returns where the pixels of a picture come from.
-        within: The folder that no link may lead out of, where files are handed on.
-    """
-    frames = [
-        PosedFrame(
-            kept.name,
-            source(kept),
-            Lens(Pinhole(*kept.size_px, *kept.fx_fy_cx_cy), kept.k1_k2_p1_p2_k3),
-            Rigid[World, Cam].from_matrix(np.array(kept.world_from_cam)),
-            points_m=_points_of(kept),
-            timestamp_s=kept.time_s,
-        )
-        for kept in found.frames
-    ]
-    name = path.resolve().stem if path.is_file() else path.resolve().name
-    return PosedRecording(name, path, format_name, tuple(frames), tuple(found.notes), within)
-
-
-def write_found(folder: Path, found: Found) -> None:
-    """Keep what was found in a folder."""
-    (folder / FOUND).write_bytes(msgspec.json.encode(found))
-
-
-def read_found(folder: Path) -> Found:
-    """Return what is kept in a folder.
-
-    Raises:
-        RecordingError: It was damaged.
-    """
-    return read_kept(folder / FOUND, Found)
 
 
 def read_kept(path: Path, kind: type[Kept]) -> Kept:
@@ -197,6 +216,41 @@ def shown_progress() -> Generator[Progress]:
         yield show
 
 
+def _recording(
+    folder: Path, path: Path, format_name: str, found: Found, source: Source
+) -> PosedRecording:
+    frames: list[PosedFrame] = []
+    for kept in found.frames:
+        lens = Lens(Pinhole(*kept.size_px, *kept.fx_fy_cx_cy), kept.k1_k2_p1_p2_k3)
+        frames.append(
+            PosedFrame(
+                kept.name,
+                source(kept),
+                lens,
+                Rigid[World, Cam].from_matrix(np.array(kept.world_from_cam)),
+                depth=_depth(folder, kept, lens) if kept.depth else None,
+                points_m=_points_of(kept),
+                timestamp_s=kept.time_s,
+            )
+        )
+    name = path.resolve().stem if path.is_file() else path.resolve().name
+    return PosedRecording(name, path, format_name, tuple(frames), tuple(found.notes))
+
+
+def _depth(folder: Path, kept: FoundFrame, lens: Lens) -> StoredDepth:
+    """Return where a depth map is; it shows what the straight picture shows."""
+    size_px = working_size_px(*kept.size_px, pixels=DEPTH_PIXELS)
+    path = folder / DEPTHS / f"{kept.name}.png"
+    return StoredDepth(path, DEPTH_UNIT_M, size_px, pinhole=lens.pinhole.resized(*size_px))
+
+
+def _small(recording: PosedRecording) -> list[Frame]:
+    return [
+        frame.resized(*working_size_px(*frame.camera.pinhole.size_px, pixels=DEPTH_PIXELS))
+        for frame in map(recording.read, range(len(recording)))
+    ]
+
+
 def _points_of(kept: FoundFrame) -> Callable[[], Float64[np.ndarray, "n 3"]]:
     return lambda: np.array(kept.points, np.float64).reshape(-1, 3)
 
@@ -231,7 +285,8 @@ def _kept(picture: Unplaced, place: Placed, scale: float) -> FoundFrame:
 def _notes(lost: Sequence[str], count: int, structure: Structure) -> list[str]:
     notes = [
         f"poses were found from the pictures ({structure.error_px:.2f} px); their scale is "
-        f"unknown: what they show is taken to be {MEDIAN_DEPTH_M} m away in the median"
+        f"unknown: what they show is taken to be {MEDIAN_DEPTH_M} m away in the median, and depth "
+        "comes from a plane sweep"
     ]
     if lost:
         more = f" and {len(lost) - NAMED} more" if len(lost) > NAMED else ""

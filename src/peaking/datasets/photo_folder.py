@@ -15,11 +15,9 @@ from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.found_poses import (
     FoundFrame,
     Unplaced,
-    find_poses,
+    find_once,
     for_features,
-    read_found,
-    recording_of,
-    write_found,
+    recording_in,
 )
 from peaking.datasets.posed_frames import PictureSource, PosedRecording, StoredPicture
 from peaking.datasets.stored_images import picture_size_px, read_picture
@@ -95,18 +93,18 @@ def open_recording(root: Path, *, confined: bool = False) -> PosedRecording:
     """
     within = root if confined else None
 
-    def make(out: Path) -> None:
-        imported()
-        pictures = [_unplaced(root / name, within) for name in _names(root)]
-        write_found(out, find_poses(root, pictures, in_order=False))
-
     def source(kept: FoundFrame) -> PictureSource:
         path = root / kept.name
         if kept.orientation == 1:
             return StoredPicture(path, kept.size_px, within)
         return TurnedPicture(path, kept.size_px, kept.orientation, within)
 
-    return recording_of(root, "photos", read_found(made_once(root, "photos", make)), source, within)
+    def make(out: Path) -> None:
+        imported()
+        pictures = [_unplaced(root / name, within) for name in _names(root)]
+        find_once(out, root, pictures, source, in_order=False)
+
+    return recording_in(made_once(root, "photos", make), root, "photos", source, within=within)
 
 
 def _names(root: Path) -> list[str]:

@@ -7,19 +7,19 @@ its rate may vary. HDR of the kind HLG is read as it is; of the kind PQ it is re
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from peaking.datasets.cache import made_once
 from peaking.datasets.foreign_files import opened
 from peaking.datasets.found_poses import (
     AGAIN,
+    Source,
     Unplaced,
-    find_poses,
+    find_once,
     for_features,
-    read_found,
-    recording_of,
+    recording_in,
     shown_progress,
-    write_found,
 )
 from peaking.datasets.posed_frames import PosedRecording, StoredPicture
 from peaking.datasets.stored_images import read_picture
@@ -63,16 +63,11 @@ def open_recording(path: Path, *, confined: bool = False) -> PosedRecording:
     VideoFile(path, within=within)
     hlg = _transfer(path, within) == _HLG
     folder = made_once(path, "video", lambda out: _make(path, out, within))
-    found = read_found(folder)
-    if hlg:
-        found.notes.append("it is HDR (HLG), and its colours are taken as they are")
-    return recording_of(
-        path,
-        "video",
-        found,
-        lambda kept: StoredPicture(folder / PICTURES / kept.name, kept.size_px),
-        folder,
-    )
+    recording = recording_in(folder, path, "video", _source(folder), within=folder)
+    if not hlg:
+        return recording
+    note = "it is HDR (HLG), and its colours are taken as they are"
+    return replace(recording, notes=(*recording.notes, note))
 
 
 def _make(path: Path, out: Path, within: Path | None) -> None:
@@ -104,7 +99,11 @@ def _make(path: Path, out: Path, within: Path | None) -> None:
         Unplaced(name, _photograph(out / PICTURES / name, sizes_px[name]), time_s)
         for name, time_s in times_s.items()
     ]
-    write_found(out, find_poses(path, pictures, in_order=True))
+    find_once(out, path, pictures, _source(out), in_order=True)
+
+
+def _source(folder: Path) -> Source:
+    return lambda kept: StoredPicture(folder / PICTURES / kept.name, kept.size_px)
 
 
 def _photograph(path: Path, size_px: tuple[int, int]) -> Photograph:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,7 +97,7 @@ class VideoFile:
             raise RecordingError(self.path, "holds no picture that can be decoded", remedy=_AGAIN)
 
     def _opened(self) -> cv2.VideoCapture:
-        with real_path(self.path, within=self._within) as name:
+        with real_path(self.path, within=self._within) as name, _hushed():
             capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
             opened = capture.isOpened() and capture.set(
                 cv2.CAP_PROP_ORIENTATION_AUTO, float(self._upright)
@@ -103,6 +105,17 @@ class VideoFile:
         if not opened or capture.get(cv2.CAP_PROP_FRAME_WIDTH) < 1:
             raise RecordingError(self.path, "is no video that can be decoded", remedy=_AGAIN)
         return capture
+
+
+@contextlib.contextmanager
+def _hushed() -> Generator[None]:
+    """Let OpenCV and FFmpeg print nothing of a file that they cannot open."""
+    before = cv2.utils.logging.setLogLevel(0)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read when the first video is opened
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(before)
 
 
 @dataclass(frozen=True)

@@ -26,5 +26,5 @@ def imported(otherwise: str = "") -> Any:
 
 
 def hush(pycolmap: Any) -> None:
-    """Let it print errors only; some of its functions set that back."""
-    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+    """Let it print nothing, since it raises; some of its functions set that back."""
+    pycolmap.logging.minloglevel = int(pycolmap.logging.FATAL)
