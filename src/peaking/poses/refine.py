@@ -32,6 +32,8 @@ from peaking.poses.extra import hush, imported
 HELD_OUT = 0.2
 ROUNDS_PX = (12.0, 6.0, 4.0)
 """Points that are farther than this from where they were seen are left out, round by round."""
+MAX_ITERATIONS = 30
+"""Of each adjustment."""
 LEAST_SEEN = 30
 """A picture that shows fewer adjusted points keeps its recorded pose."""
 LEAST_PAIRS, LEAST_MATCHES = 3, 15
@@ -206,6 +208,8 @@ def _adjusted(
         adjustment.refine_focal_length = False
         adjustment.refine_extra_params = False
         adjustment.print_summary = False
+        adjustment.ceres.solver_options.function_tolerance = 1e-6
+        adjustment.ceres.solver_options.max_num_iterations = MAX_ITERATIONS
         adjustment.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
         config = pycolmap.BundleAdjustmentConfig()
         for image_id in model.reg_image_ids():
