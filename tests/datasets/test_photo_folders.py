@@ -132,3 +132,18 @@ def test_pictures_that_look_alike_are_paired_though_far_apart() -> None:
     assert all(a < b for a, b in pairs)
     assert len(pairs) < 81 * 80 / 4
     assert len(pairs_to_try(places[:20], in_order=False, rng=rng)) == 190
+
+
+def test_photos_that_links_lead_to_are_not_handed_on(tmp_path: Path) -> None:
+    desk, elsewhere, folder = open_recording(DESK), tmp_path / "elsewhere", tmp_path / "photos"
+    elsewhere.mkdir()
+    folder.mkdir()
+    for place, index in enumerate(range(0, 30, 6)):
+        (folder / f"{place}.jpg").write_bytes(encode_jpeg(desk.read(index).rgb))
+    (folder / "4.jpg").rename(elsewhere / "4.jpg")
+    (folder / "4.jpg").symlink_to(elsewhere / "4.jpg")
+    recording = open_recording(folder)
+    with pytest.raises(RecordingError, match=r"4\.jpg: is reached by a link"):
+        recording.check_subset([4])
+    with pytest.raises(RecordingError, match=r"4\.jpg: is reached by a link"):
+        open_recording(folder, confined=True).read(4)

@@ -9,7 +9,7 @@ COLMAP's own axes and scale.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from jaxtyping import Float32, Float64, UInt8
 from peaking.errors import CamerasNotFound
 from peaking.geometry import Cam, Pinhole, Rigid, World
 from peaking.output import encode_png
+from peaking.poses import at_once
 from peaking.poses.extra import hush, imported
 
 NUM_FEATURES = 2048
@@ -284,11 +285,8 @@ def _map(pycolmap: Any, folder: Path, seed: int, count: int, progress: Progress)
     database, pictures = folder / "database.db", folder / "pictures"
     if count >= MANY:
         progress("poses", 0, count)
-        at_once = pycolmap.GlobalPipelineOptions()
-        at_once.random_seed = seed
-        model = _largest(
-            pycolmap.global_mapping(database, pictures, _made(folder / "once"), options=at_once)
-        )
+        found = at_once.run(database, pictures, folder / "once", seed=seed)
+        model = _largest([pycolmap.Reconstruction(path) for path in found])
         if model is not None and model.num_reg_images() >= LEAST_PLACED * count:
             progress("poses", count, count)
             return model
@@ -300,26 +298,17 @@ def _map(pycolmap: Any, folder: Path, seed: int, count: int, progress: Progress)
     def next_image() -> None:
         progress("poses", next(joined, count), count)
 
-    model = _largest(
-        pycolmap.incremental_mapping(
-            database,
-            pictures,
-            _made(folder / "models"),
-            options=options,
-            next_image_callback=next_image,
-        )
+    models = folder / "models"
+    models.mkdir()
+    one_by_one = pycolmap.incremental_mapping(
+        database, pictures, models, options=options, next_image_callback=next_image
     )
     progress("poses", count, count)
-    return model
+    return _largest(list(one_by_one.values()))
 
 
-def _largest(found: Mapping[int, Any]) -> Any:
-    return max(found.values(), key=lambda model: model.num_reg_images(), default=None)
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
+def _largest(models: Sequence[Any]) -> Any:
+    return max(models, key=lambda model: model.num_reg_images(), default=None)
 
 
 def _placed(model: Any, image: Any, photograph: Photograph, size_px: tuple[int, int]) -> Placed:
