@@ -6,6 +6,7 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from peaking.datasets.posed_frames import PosedRecording
 from peaking.datasets.video_choice import LEAST_SHIFT, WINDOW, Chooser, Shown
 from peaking.datasets.video_frames import VideoFile
 from peaking.errors import BackendUnavailable, PeakingError, RecordingError
+from peaking.poses import at_once, structure
 from peaking.poses.colmap import similarity_to
 
 DESK = Path(__file__).parents[2] / "scenes" / "desk"
@@ -136,6 +138,24 @@ def test_a_video_is_placed_as_it_was_filmed(
     assert again.fingerprint() == recording.fingerprint()
     subset = recording.write_subset([1, 0], tmp_path / "subset")
     assert subset.read(0).depth_m is not None
+
+
+@pytest.mark.parametrize("works", [True, False])
+def test_many_pictures_are_placed_at_once_or_else_one_by_one(
+    works: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Path] = []
+
+    def run(database: Path, pictures: Path, out: Path, *, seed: int) -> list[Path]:
+        asked.append(out)
+        return at_once.run(database, pictures, out, seed=seed) if works else []
+
+    monkeypatch.setattr(structure, "MANY", 4)
+    monkeypatch.setattr(structure, "at_once", SimpleNamespace(run=run))
+    recording = open_recording(clip_of_the_desk(tmp_path / "desk.mp4"))
+    assert len(asked) == 1
+    indices = [STEPS[int(name)] for name in recording.names]
+    assert_cameras_agree(recording, open_recording(DESK), indices)
 
 
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

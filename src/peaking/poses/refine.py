@@ -1,9 +1,10 @@
 """Recorded poses mended: features matched between neighbours, and a bundle adjustment.
 
 Points are triangulated at the recorded poses, then poses and points are adjusted together (Triggs
-et al. 2000), three times, with intrinsics as recorded. A similarity brings the result back onto the
-recorded poses, so metres stay. A fifth of the pairs of pictures takes no part: how far their
-matches are from each other's epipolar lines tells whether the poses became better.
+et al. 2000), three times, with intrinsics as recorded, and recorded positions as priors. A
+similarity brings the result back onto the recorded poses, so metres stay. A fifth of the pairs of
+pictures takes no part: how far their matches are from each other's epipolar lines tells whether the
+poses became better.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ ROUNDS_PX = (12.0, 6.0, 4.0)
 """Points that are farther than this from where they were seen are left out, round by round."""
 MAX_ITERATIONS = 30
 """Of each adjustment."""
+PRIOR = 0.01
+"""Standard deviation of recorded positions, in distances of what is shown: it keeps what pictures
+hardly tell, a path that is bent as a whole."""
 LEAST_SEEN = 30
 """A picture that shows fewer adjusted points keeps its recorded pose."""
 LEAST_PAIRS, LEAST_MATCHES = 3, 15
@@ -214,19 +218,44 @@ def _adjusted(
         config = pycolmap.BundleAdjustmentConfig()
         for image_id in model.reg_image_ids():
             config.add_image(image_id)
-        config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-        pycolmap.create_default_bundle_adjuster(adjustment, config, model).solve()
+        priors = _priors(pycolmap, model, cameras)
+        held = pycolmap.PosePriorBundleAdjustmentOptions()
+        pycolmap.create_pose_prior_bundle_adjuster(adjustment, held, config, priors, model).solve()
     progress("bundle adjustment", len(ROUNDS_PX), len(ROUNDS_PX))
     found: dict[int, tuple[Rigid[World, Cam], float]] = {}
     for image in model.images.values():
-        seen = [point.point3D_id for point in image.points2D if point.has_point3D()]
-        if image.has_pose and len(seen) >= LEAST_SEEN:
+        depth = _depth_of(model, image)
+        if image.has_pose and depth is not None:
             matrix = np.asarray(image.cam_from_world().matrix(), np.float64)
             cam_from_world = Rigid[Cam, World](matrix[:, :3], matrix[:, 3])
-            points = np.array([model.points3D[i].xyz for i in seen], np.float64)
-            depth = float(np.median(cam_from_world.apply(points)[:, 2]))
             found[int(Path(image.name).stem)] = cam_from_world.inverse(), depth
     return found
+
+
+def _priors(pycolmap: Any, model: Any, cameras: Sequence[Camera]) -> list[Any]:
+    """Return where pictures were recorded to be, and how surely."""
+    depths = [_depth_of(model, image) for image in model.images.values()]
+    away = [depth for depth in depths if depth is not None]
+    off = PRIOR * float(np.median(away)) if away else 1.0
+    return [
+        pycolmap.PosePrior(
+            corr_data_id=image.data_id,
+            position=cameras[int(Path(image.name).stem)].position_m,
+            position_covariance=off**2 * np.eye(3),
+            coordinate_system=pycolmap.PosePriorCoordinateSystem.CARTESIAN,
+        )
+        for image in model.images.values()
+    ]
+
+
+def _depth_of(model: Any, image: Any) -> float | None:
+    """Return how far away a picture's points are in the median; None where it shows too few."""
+    seen = [point.point3D_id for point in image.points2D if point.has_point3D()]
+    if len(seen) < LEAST_SEEN:
+        return None
+    matrix = np.asarray(image.cam_from_world().matrix(), np.float64)
+    points = np.array([model.points3D[i].xyz for i in seen], np.float64)
+    return float(np.median(points @ matrix[2, :3] + matrix[2, 3]))
 
 
 def _at_recorded_poses(pycolmap: Any, database: Path, cameras: Sequence[Camera]) -> Any:
