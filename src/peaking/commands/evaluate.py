@@ -66,6 +66,8 @@ class Evaluate:
     """Train 3dgs on the CPU (numba) or on CUDA (gsplat, extra `splat`)."""
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Camera poses of 3dgs: the recorded ones or, as in the paper, COLMAP's (extra `colmap`)."""
+    refine: bool = False
+    """Mend the recorded poses first, for all that is done (extra `colmap`; takes minutes, once)."""
     lpips_checkpoints: Path | None = None
     """Folder with torchvision's alexnet-owt-7be5be79.pth, for LPIPS; default: the folder that
     `peaking checkpoints` prints."""
@@ -118,6 +120,7 @@ class Evaluate:
             uniform_metres_per_rad=self.uniform_m_per_rad,
             splat=SplatTraining(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
+            refine=self.refine,
             lpips_folder=self.lpips_checkpoints,
         )
 

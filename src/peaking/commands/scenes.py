@@ -29,6 +29,9 @@ class SceneOptions:
     """Its format (`peaking info` names them), where looking at it does not tell."""
     images: Path | None = None
     """The folder of its pictures, where these lie elsewhere: of a COLMAP model, say."""
+    refine: bool = False
+    """Mend the recorded poses by what the pictures show (extra `colmap`; takes minutes, once), and
+    keep them where that does not help."""
 
     def open(self, scene: Path, *, confined: bool = False, with_notes: bool = True) -> Recording:
         """Open a recording, and print what was left out or guessed.
@@ -39,6 +42,10 @@ class SceneOptions:
         from peaking.datasets import Reading, open_recording
 
         recording = open_recording(scene, Reading(self.format, self.images), confined=confined)
+        if self.refine:
+            from peaking.datasets.mended_poses import refined
+
+            recording = refined(recording)
         for note in recording.notes if with_notes else ():
             say(f"{scene}: {note}")
         return recording

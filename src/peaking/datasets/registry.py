@@ -11,11 +11,13 @@ from peaking.datasets import (
     archive,
     arkitscenes,
     nerfstudio,
+    photo_folder,
     polycam,
     record3d,
     scannet,
     stray,
     tum,
+    video,
 )
 from peaking.datasets.recording import Recording
 from peaking.errors import RecordingError
@@ -106,6 +108,18 @@ FORMATS: Sequence[Format] = (
         "a raw scan with lowres_wide.traj",
         arkitscenes.recognises,
         lambda root, _, confined: arkitscenes.open_recording(root, confined=confined),
+    ),
+    Format(
+        "video",
+        f"a file named {', '.join(video.ENDINGS)}",
+        video.recognises,
+        lambda root, _, confined: video.open_recording(root, confined=confined),
+    ),
+    Format(
+        "photos",
+        "a folder of photos",
+        photo_folder.recognises,
+        lambda root, _, confined: photo_folder.open_recording(root, confined=confined),
     ),
 )
 """Asked in this order."""

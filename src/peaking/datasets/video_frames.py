@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import threading
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from peaking.datasets.foreign_files import real_path
+from peaking.datasets.video_choice import Shown
 from peaking.errors import RecordingError
 from peaking.pictures.too_costly import TooCostly, check_pixels
 
@@ -20,16 +24,21 @@ _AGAIN = "copy it again from the phone, or convert it: ffmpeg -i FILE -c:v libx2
 class VideoFile:
     """A video that is read from where it was left; going back starts it anew.
 
-    Pictures are as they are stored: a turn that the file notes is not applied.
+    Pictures are as they are stored, or upright where the file notes a turn.
     """
 
-    def __init__(self, path: Path, *, within: Path | None = None) -> None:
+    def __init__(self, path: Path, *, within: Path | None = None, upright: bool = False) -> None:
         """Open it, and read its size.
+
+        Args:
+            path: The file.
+            within: A folder; links that lead out of it are refused.
+            upright: Apply the turn that the file notes.
 
         Raises:
             RecordingError: It cannot be read, or is no video.
         """
-        self.path, self._within = path, within
+        self.path, self._within, self._upright = path, within, upright
         self._lock = threading.Lock()
         self._capture, self._next = self._opened(), 0
         width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
@@ -62,13 +71,51 @@ class VideoFile:
             self._next += 1
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
+    def in_order(self, told: Callable[[int], None] = lambda index: None) -> Iterator[Shown]:
+        """Decode all pictures from the first on, with their own times, up to where it is damaged.
+
+        Args:
+            told: Told the index of each.
+
+        Raises:
+            RecordingError: There is none, or a picture is too large.
+        """
+        capture, index = self._opened(), 0
+        try:
+            while True:
+                done, bgr = capture.read()
+                if not done:
+                    break
+                time_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000
+                rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+                yield Shown(index, time_s, rgb)
+                told(index)
+                index += 1
+        finally:
+            capture.release()
+        if index == 0:
+            raise RecordingError(self.path, "holds no picture that can be decoded", remedy=_AGAIN)
+
     def _opened(self) -> cv2.VideoCapture:
-        with real_path(self.path, within=self._within) as name:
+        with real_path(self.path, within=self._within) as name, _hushed():
             capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
-            opened = capture.isOpened() and capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+            opened = capture.isOpened() and capture.set(
+                cv2.CAP_PROP_ORIENTATION_AUTO, float(self._upright)
+            )
         if not opened or capture.get(cv2.CAP_PROP_FRAME_WIDTH) < 1:
             raise RecordingError(self.path, "is no video that can be decoded", remedy=_AGAIN)
         return capture
+
+
+@contextlib.contextmanager
+def _hushed() -> Generator[None]:
+    """Let OpenCV and FFmpeg print nothing of a file that they cannot open."""
+    before = cv2.utils.logging.setLogLevel(0)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read when the first video is opened
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(before)
 
 
 @dataclass(frozen=True)

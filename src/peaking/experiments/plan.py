@@ -45,6 +45,8 @@ class EvaluationOptions:
     splat: SplatTraining = field(default_factory=SplatTraining)
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Where 3D Gaussians are trained and tested from."""
+    refine: bool = False
+    """Mend the recorded poses first, for everything."""
     lpips_folder: Path | None = None
 
     def __post_init__(self) -> None:
@@ -68,6 +70,8 @@ class EvaluationOptions:
             raise ValueError(
                 "need --reconstruct 3dgs for --cameras colmap; MPIs stay at the recorded cameras"
             )
+        if self.cameras == "colmap" and self.refine:
+            raise ValueError("need one of --refine and --cameras colmap")
 
     @property
     def reference(self) -> PolicyName:
@@ -88,6 +92,7 @@ class EvaluationOptions:
             "reference": self.reference,
             "splat": asdict(self.splat),
             "cameras": self.cameras,
+            "refine": self.refine,
             "options": self.options.as_dict(),
         }
 

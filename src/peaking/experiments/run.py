@@ -14,6 +14,7 @@ import numpy as np
 
 import peaking
 from peaking.datasets import open_recording
+from peaking.datasets.mended_poses import refined
 from peaking.errors import OutputError, RecordingError
 from peaking.experiments.costs import added
 from peaking.experiments.evaluation_report import write_report
@@ -143,7 +144,10 @@ def evaluate(
         plan.reference,
         results,
         compare(results, reference=plan.reference, rng=rng),
-        notes=[f"{scene.resolve().name}: {p.words()}." for scene, p in placements.items()],
+        notes=[
+            *(f"{scene.resolve().name}: {p.words()}." for scene, p in placements.items()),
+            *(f"{s.resolve().name}: {_mended(s)}." for s in plan.scenes if plan.refine),
+        ],
         costs=added(runner.took.values(), runner.peaks_mb),
     )
     _write(evaluation, out)
@@ -176,7 +180,12 @@ def _checked(plan: EvaluationOptions, root: Path) -> str:
                 f"no frame has metric depth, which {' and '.join(needing)} need",
                 remedy="leave these out (--strategies, --reconstruct) or record with depth",
             )
-    return recording.fingerprint()
+    return (refined(recording) if plan.refine else recording).fingerprint()
+
+
+def _mended(scene: Path) -> str:
+    """Say what became of the poses of a scene."""
+    return refined(open_recording(scene)).notes[-1]
 
 
 def _counts(

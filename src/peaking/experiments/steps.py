@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from peaking.datasets import open_recording
+from peaking.datasets.mended_poses import refined
 from peaking.errors import RecordingError
 from peaking.experiments.costs import took
 from peaking.experiments.placing import at_pose, place
@@ -87,8 +88,14 @@ def usable_frames(frames: RecordedFrames) -> list[int]:
 
 @lru_cache(maxsize=1)
 def _opened(root: Path, fingerprint: str, options: Options, mpis: Path | None) -> RecordedFrames:
-    """Return the scene; a worker keeps the last one with its frames and MPIs."""
-    return RecordedFrames(open_recording(root), options, shared=mpis and mpis / fingerprint)
+    """Return the scene; a worker keeps the last one with its frames and MPIs.
+
+    One of another fingerprint than was recorded is the one with mended poses.
+    """
+    recording = open_recording(root)
+    if recording.fingerprint() != fingerprint:
+        recording = refined(recording)
+    return RecordedFrames(recording, options, shared=mpis and mpis / fingerprint)
 
 
 def _count(frames: RecordedFrames, step: CountStep) -> Found:

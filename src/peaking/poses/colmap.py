@@ -7,9 +7,8 @@ from that, the recorded poses only decide which pictures are matched.
 
 from __future__ import annotations
 
-import importlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,16 +16,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from peaking.errors import BackendUnavailable, CamerasNotFound
+from peaking.errors import CamerasNotFound
 from peaking.frame import Frame, working_size_px
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.output import encode_png
 from peaking.point_cloud import PointCloud
+from peaking.poses.extra import hush, imported
 
-INSTALL = "pip install 'peaking[colmap]', or take --cameras recorded"
 FEATURE_PIXELS = 540 * 960
 """Features are found in pictures no larger than this."""
 NUM_FEATURES = 4096
+DATABASE, PICTURES = "database.db", "pictures"
+PAIRS_AT_ONCE = 200
 NUM_PARTNERS = 20
 """Every picture is matched with this many others: those before and after it, and the nearest."""
 
@@ -59,8 +60,8 @@ def estimate_cameras(frames: Sequence[Frame], *, seed: int = 0) -> Estimate:
         BackendUnavailable: pycolmap is not installed.
         CamerasNotFound: Fewer than three pictures could be joined.
     """
-    pycolmap = _imported()
-    pycolmap.logging.minloglevel = 2
+    pycolmap = imported(", or take --cameras recorded")
+    hush(pycolmap)
     pycolmap.set_random_seed(seed)
     small = [shrunk_for_features(frame) for frame in frames]
     with tempfile.TemporaryDirectory(prefix="peaking-colmap-") as folder:
@@ -163,13 +164,25 @@ def shrunk_for_features(frame: Frame) -> Frame:
     return frame.resized(*working_size_px(width, height, pixels=FEATURE_PIXELS))
 
 
-def _reconstruct(pycolmap: Any, frames: Sequence[Frame], folder: Path, seed: int) -> Any:
-    """Return the largest reconstruction, or None."""
-    database, pictures, models = folder / "database.db", folder / "pictures", folder / "models"
+def match_frames(
+    pycolmap: Any,
+    frames: Sequence[Frame],
+    folder: Path,
+    told: Callable[[int], None] = lambda _: None,
+) -> list[tuple[int, int]]:
+    """Find features in pictures and match them, in `database.db`; return which pairs were tried.
+
+    Args:
+        pycolmap: The extra.
+        frames: Undistorted, small; their intrinsics are believed, their poses decide the pairs.
+        folder: Empty.
+        told: Told how many pairs are done.
+    """
+    database, pictures = folder / DATABASE, folder / PICTURES
     pictures.mkdir()
-    models.mkdir()
+    (folder / "models").mkdir()
     for index, frame in enumerate(frames):
-        (pictures / _file_name(index)).write_bytes(encode_png(frame.rgb))
+        (pictures / file_name(index)).write_bytes(encode_png(frame.rgb))
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.sift.max_num_features = NUM_FEATURES
     reader = pycolmap.ImageReaderOptions()
@@ -183,15 +196,22 @@ def _reconstruct(pycolmap: Any, frames: Sequence[Frame], folder: Path, seed: int
         device=pycolmap.Device.cpu,
     )
     _write_intrinsics(pycolmap, database, frames)
-    pairs = folder / "pairs.txt"
-    lines = [
-        f"{_file_name(a)} {_file_name(b)}\n"
-        for a, b in pairs_to_match([frame.camera for frame in frames], NUM_PARTNERS)
-    ]
-    pairs.write_text("".join(lines), encoding="ascii")
-    pairing = pycolmap.ImportedPairingOptions()
-    pairing.match_list_path = pairs
-    pycolmap.match_image_pairs(database, pairing_options=pairing, device=pycolmap.Device.cpu)
+    pairs = pairs_to_match([frame.camera for frame in frames], NUM_PARTNERS)
+    listed = folder / "pairs.txt"
+    for start in range(0, len(pairs), PAIRS_AT_ONCE):
+        told(start)
+        chunk = pairs[start : start + PAIRS_AT_ONCE]
+        lines = [f"{file_name(a)} {file_name(b)}\n" for a, b in chunk]
+        listed.write_text("".join(lines), encoding="ascii")
+        pairing = pycolmap.ImportedPairingOptions()
+        pairing.match_list_path = listed
+        pycolmap.match_image_pairs(database, pairing_options=pairing, device=pycolmap.Device.cpu)
+    return pairs
+
+
+def _reconstruct(pycolmap: Any, frames: Sequence[Frame], folder: Path, seed: int) -> Any:
+    """Return the largest reconstruction, or None."""
+    match_frames(pycolmap, frames, folder)
     mapping = pycolmap.IncrementalPipelineOptions()
     mapping.random_seed = seed
     mapping.min_model_size = 3
@@ -199,7 +219,9 @@ def _reconstruct(pycolmap: Any, frames: Sequence[Frame], folder: Path, seed: int
     mapping.ba_refine_extra_params = False
     mapping.mapper.abs_pose_refine_focal_length = False
     mapping.mapper.abs_pose_refine_extra_params = False
-    found = pycolmap.incremental_mapping(database, pictures, models, options=mapping)
+    found = pycolmap.incremental_mapping(
+        folder / DATABASE, folder / PICTURES, folder / "models", options=mapping
+    )
     return max(found.values(), key=lambda model: model.num_reg_images(), default=None)
 
 
@@ -231,12 +253,6 @@ def _points(model: Any, frames: Sequence[Frame], similarity: Similarity) -> Poin
     return PointCloud(similarity.apply(own), rgb, similarity.scale * np.array(pixel))
 
 
-def _file_name(index: int) -> str:
+def file_name(index: int) -> str:
+    """Return the name under which a picture lies in `PICTURES`."""
     return f"{index:06d}.png"
-
-
-def _imported() -> Any:
-    try:
-        return importlib.import_module("pycolmap")
-    except ImportError as error:
-        raise BackendUnavailable(f"pycolmap is not installed: {INSTALL}") from error
