@@ -84,6 +84,9 @@ MAX_TEXT_BYTES = 2**28
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
 
+MAX_MODEL_BYTES = 2**32
+"""Of a binary file of a COLMAP model; 10,000 pictures with 10,000 features each have 2.4 GB."""
+
 MAX_ASCII_POINTS_BYTES = 2**28
 """The same, of text: 5 million points with colours."""
 

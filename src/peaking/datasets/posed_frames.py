@@ -265,6 +265,7 @@ class PosedRecording:
         frames: In the order they were taken; at least one.
         notes: Sentences about what was left out or guessed.
         within: The folder that no link may lead out of, where files are handed on.
+        pictures: The folder of pictures, where it lies elsewhere than the recording.
     """
 
     name: str
@@ -273,6 +274,7 @@ class PosedRecording:
     frames: tuple[PosedFrame, ...]
     notes: tuple[str, ...] = ()
     within: Path | None = None
+    pictures: Path | None = None
 
     def __post_init__(self) -> None:
         if not self.frames:
@@ -400,11 +402,11 @@ class PosedRecording:
         Raises:
             RecordingError: A picture is reached by a link that leaves the recording.
         """
-        folder = self.path if self.path.is_dir() else self.path.parent
+        folder = self.pictures or (self.path if self.path.is_dir() else self.path.parent)
         for index in indices:
             picture = self.frames[index].picture
             if isinstance(picture, StoredPicture) and not follow_links:
-                read_bytes(picture.path, _KIND_BYTES, within=self.within or folder)
+                read_bytes(picture.path, _KIND_BYTES, within=picture.within or folder)
 
     def write_subset(
         self,

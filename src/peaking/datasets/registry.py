@@ -10,6 +10,7 @@ from pathlib import Path
 from peaking.datasets import (
     archive,
     arkitscenes,
+    colmap,
     nerfstudio,
     photo_folder,
     polycam,
@@ -66,6 +67,14 @@ FORMATS: Sequence[Format] = (
         "a folder with transforms.json",
         nerfstudio.recognises,
         lambda root, _, confined: nerfstudio.open_recording(root, confined=confined),
+    ),
+    Format(
+        "colmap",
+        "a folder with a model, cameras and images, .bin or .txt, perhaps in sparse/0",
+        colmap.recognises,
+        lambda root, reading, confined: colmap.open_recording(
+            root, reading.images, confined=confined
+        ),
     ),
     Format(
         "record3d",
