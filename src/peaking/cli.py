@@ -14,6 +14,7 @@ import tyro
 import peaking
 from peaking.commands import (
     bench,
+    bench_doctor,
     bench_generators,
     bench_guidance,
     bench_live,
@@ -22,6 +23,7 @@ from peaking.commands import (
     convert,
     demo,
     devices,
+    doctor,
     evaluate,
     generate,
     info,
@@ -50,6 +52,7 @@ Examples:
   peaking replay scenes/desk --out out/paper --preset paper --overlay video
   peaking select scenes/desk --views 12 --out out/best
   peaking info scenes/desk
+  peaking doctor scenes/desk --out out/doctor
   peaking convert scenes/desk out/colmap --to colmap
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
@@ -88,6 +91,7 @@ COMMANDS: dict[str, type[Command]] = {
     "plan": plan.Plan,
     "generate": generate.Generate,
     "info": info.Info,
+    "doctor": doctor.Doctor,
     "render": render.Render,
     "splat": splat.Splat,
     "evaluate": evaluate.Evaluate,
@@ -96,6 +100,7 @@ COMMANDS: dict[str, type[Command]] = {
     "checkpoints": checkpoints.Checkpoints,
     "bench": bench.Bench,
     "bench live": bench_live.BenchLive,
+    "bench doctor": bench_doctor.BenchDoctor,
     "bench guidance": bench_guidance.BenchGuidance,
     "bench generators": bench_generators.BenchGenerators,
     "bench trust": bench_trust.BenchTrust,

@@ -41,6 +41,7 @@ def surprises(
     recording: Recording,
     without: Collection[int],
     *,
+    only: Sequence[int] | None = None,
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> dict[int, Surprise]:
     """Predict every picture with depth by others from nearby, and return what is wrong with it.
@@ -48,6 +49,7 @@ def surprises(
     Args:
         recording: With depth.
         without: Pictures that are predicted, but predict no other.
+        only: Pictures that are predicted; all with depth where None.
         progress: Is given the numbers of the frames, and yields them.
 
     Raises:
@@ -58,7 +60,7 @@ def surprises(
     places = np.array([camera.position_m for camera in recording.cameras])
     forwards = np.array([camera.forward for camera in recording.cameras])
     found: dict[int, Surprise] = {}
-    for i in progress(frames.with_depth):
+    for i in progress(frames.with_depth if only is None else only):
         others = np.array([k for k in good if k != i], dtype=np.int64)
         if len(others) == 0:
             continue

@@ -18,7 +18,7 @@ from peaking.audit.whole_recording import WholeFault, whole_fault
 from peaking.datasets import Recording
 from peaking.datasets.depth_unit import typical_distance
 from peaking.frame import Frame
-from peaking.geometry import Camera
+from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.selection.blur import relative_to_nearest
 
 BLURRED = 0.7
@@ -27,7 +27,7 @@ UNEVEN = 1.25
 """Brightness of points over that in other pictures, or its inverse."""
 CLIPPED_SHARE, CLIPPED_MORE = 0.12, 3.0
 """Of a picture that is white; and over what is usual in the recording."""
-UNLIKE = 7.0
+UNLIKE = 9.0
 """A pose is off when it differs from those nearby by so many times what is usual."""
 LEAST_OFF_PX = 0.8
 """And moves things by so many pixels of the working size."""
@@ -36,9 +36,12 @@ FLOOR_PX = 0.25
 SWAPPED_WITHIN = 0.2
 """Of the way between two pictures' poses: nearer to the other's one counts as there."""
 BLOB_SHARE, BLOB_MORE = 0.01, 3.0
-"""Of a picture that others do not show, in one patch; and over that of others from nearby."""
+"""Of a picture that others do not show, in one patch; and over the 75th percentile of all."""
 ASKED_AGAIN = 40
 """Pictures, at even steps, that one is matched with that fits nowhere."""
+
+UNMATCHABLE = ("blurred", "dark", "clipped")
+"""Pictures of which one need not say that they match no other."""
 
 Progress = Callable[[Sequence[int], str], Iterable[int]]
 
@@ -124,8 +127,9 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
     distance_m = distance_m or _spread_m(cameras)
     poses = frame_poses(cameras, tracks, px)
     astray = _astray(cameras, poses, distance_m, px)
-    if astray:
-        more = _asked_again(sorted(astray), len(cameras), set(asked))
+    asking = sorted({*astray, *(i for i, pose in enumerate(poses) if pose.halves is None)})
+    if asking:
+        more = _asked_again(asking, len(cameras), set(asked))
         pairs += [
             pair
             for number in progress(range(len(more)), "matching again")
@@ -136,13 +140,23 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
         again = _astray(cameras, poses, distance_m, px)
         astray = {frame: again.get(frame, off) for frame, off in astray.items()} | again
     findings += _poses(recording, poses, astray, distance_m)
+    dim = {finding.frame for finding in findings if finding.kind in UNMATCHABLE}
+    alone = set(range(len(cameras))) - {i for pair in pairs for i in (pair.first, pair.second)}
+    if len(alone) < len(cameras) / 2:
+        words = "lost: nothing in it is found in any other picture"
+        findings += [Finding(i, "lost", words, 1.0) for i in sorted(alone - dim)]
     shown: dict[int, Surprise] = {}
     spoilt = {finding.frame for finding in findings if finding.kind != "duplicate"}
     if any(recording.has_depth):
         shown = surprises(
             recording, spoilt, progress=lambda numbers: progress(numbers, "predicting")
         )
-        findings += _contents(cameras, shown, {f.frame for f in findings if f.kind != "exposure"})
+        explained = {f.frame for f in findings if f.kind != "exposure"}
+        unlike = [i for i in _unlike(shown) if i not in explained]
+        # What moved in one picture is not shown by it where it was before, in others: those that
+        # are unlike only for that are like again when it predicts none.
+        shown |= surprises(recording, spoilt | set(unlike), only=unlike)
+        findings += [_moved(i, shown[i]) for i in _unlike(shown) if i in unlike]
     else:
         not_checked.append("whether something moved: that needs depth")
     return Examination(_in_order(findings), None, not_checked, poses, shown)
@@ -204,14 +218,11 @@ def _astray(
     seen_px = np.array([1.0, 1.0, 0.3, 0.3, 0.3, 0.3]) * focal_px[:, None] * off
     usual_px = np.nanmedian(seen_px, axis=0) if np.isfinite(seen_px).any() else np.ones(6)
     times = seen_px / np.maximum(usual_px, FLOOR_PX)
-    found: dict[int, float] = {}
-    for i, pose in enumerate(poses):
-        if np.isfinite(off[i]).all():
-            if times[i].max() > UNLIKE and seen_px[i].max() > LEAST_OFF_PX:
-                found[i] = float(times[i].max() / UNLIKE)
-        elif pose.moved_m is None:
-            found[i] = 1.0
-    return found
+    return {
+        i: float(times[i].max() / UNLIKE)
+        for i in range(len(poses))
+        if np.isfinite(off[i]).all() and times[i].max() > UNLIKE and seen_px[i].max() > LEAST_OFF_PX
+    }
 
 
 def _corrections(
@@ -220,15 +231,16 @@ def _corrections(
     """Return how each pose is off, and how much more than those from nearby.
 
     Turn about y with step along x, turn about x with step along y, roll, step forward, steps along
-    x and y; radians, or shares of the distance to what is seen; NaN where it is not known.
+    x and y; radians, or shares of the distance to what is seen, without what both halves of the
+    points do not agree on; NaN where it is not known.
     """
     off = np.full((len(cameras), 6), np.nan)
+    unsure = np.full((len(cameras), 6), np.nan)
     for i, (camera, pose) in enumerate(zip(cameras, poses, strict=True)):
-        if pose.world_from_cam is not None:
-            apart = camera.world_from_cam.inverse() @ pose.world_from_cam
-            x, y, z = np.ravel(cv2.Rodrigues(apart.rotation)[0])
-            right, down, on = apart.translation_m / distance_m
-            off[i] = [y + right, down - x, z, on, right, down]
+        if pose.world_from_cam is not None and pose.halves is not None:
+            off[i] = _apart(camera, pose.world_from_cam, distance_m)
+            one, other = (_apart(camera, half, distance_m) for half in pose.halves)
+            unsure[i] = np.abs(one - other)
     places = np.array([camera.position_m for camera in cameras]) / distance_m
     forwards = np.array([camera.forward for camera in cameras])
     beside = off.copy()
@@ -239,7 +251,15 @@ def _corrections(
         near = known[np.argsort(away, kind="stable")[1 : NEIGHBOURS + 1]]
         if len(near) >= 3:
             beside[i] -= np.median(off[near], axis=0)
-    return off, beside
+    return np.maximum(np.abs(off) - unsure, 0.0), np.maximum(np.abs(beside) - unsure, 0.0)
+
+
+def _apart(camera: Camera, pose: Rigid[World, Cam], distance_m: float) -> Float64[np.ndarray, "6"]:
+    """Return how a camera is off from a pose, as `_corrections` has it."""
+    apart = camera.world_from_cam.inverse() @ pose
+    x, y, z = np.ravel(cv2.Rodrigues(apart.rotation)[0])
+    right, down, on = apart.translation_m / distance_m
+    return np.array([y + right, down - x, z, on, right, down])
 
 
 def _asked_again(
@@ -268,12 +288,7 @@ def _poses(
         if i in swapped:
             words = f"swapped with {names[swapped[i]]}: each was taken from the other's pose"
             found.append(Finding(i, "swapped", words, times))
-        elif pose.moved_m is None or pose.turned_deg is None:
-            words = (
-                f"matches no other picture well enough to say where it is ({pose.points} points)"
-            )
-            found.append(Finding(i, "lost", words, times))
-        else:
+        elif pose.moved_m is not None and pose.turned_deg is not None:
             words = f"pose: was taken {pose.moved_m:.3g} m and {pose.turned_deg:.1f}° from there"
             found.append(Finding(i, "pose", words, times))
     return found
@@ -304,18 +319,15 @@ def _swapped(
     return found
 
 
-def _contents(
-    cameras: Sequence[Camera], shown: Mapping[int, Surprise], explained: set[int]
-) -> list[Finding]:
-    """Return the pictures that show what others from nearby do not."""
-    numbers = sorted(shown)
-    blobs = np.array([max(shown[i].blob_share, 1e-4) for i in numbers])
-    if not numbers:
+def _unlike(shown: Mapping[int, Surprise]) -> list[int]:
+    """Return the pictures of which others do not show a patch."""
+    if not shown:
         return []
-    beside = relative_to_nearest([cameras[i] for i in numbers], blobs)
-    found: list[Finding] = []
-    for i, blob, times in zip(numbers, blobs, beside, strict=True):
-        if i not in explained and blob > BLOB_SHARE and times > BLOB_MORE:
-            words = f"something moved or stood in the way: others do not show {blob:.1%} of it"
-            found.append(Finding(i, "moved", words, float(times / BLOB_MORE)))
-    return found
+    usual = float(np.percentile([surprise.blob_share for surprise in shown.values()], 75))
+    limit = max(BLOB_SHARE, BLOB_MORE * usual)
+    return [i for i in sorted(shown) if shown[i].blob_share > limit]
+
+
+def _moved(frame: int, surprise: Surprise) -> Finding:
+    words = f"something moved or stood in the way: others do not show {surprise.blob_share:.1%}"
+    return Finding(frame, "moved", words, surprise.blob_share / BLOB_SHARE)

@@ -37,6 +37,8 @@ class FramePose:
         error_px: Median distance of points from where the picture sees them, at the working size.
         corrected_px: The same from where PnP puts the picture; None where it puts it nowhere.
         world_from_cam: Where PnP puts it.
+        halves: Where PnP puts it by each half of the points: how far apart they are tells how sure
+            it is; None where one puts it nowhere.
         moved_m: How far from the recorded pose that is.
         turned_deg: How far turned.
     """
@@ -45,6 +47,7 @@ class FramePose:
     error_px: float | None
     corrected_px: float | None
     world_from_cam: Rigid[World, Cam] | None
+    halves: tuple[Rigid[World, Cam], Rigid[World, Cam]] | None
     moved_m: float | None
     turned_deg: float | None
 
@@ -173,12 +176,12 @@ def pose_of(
         return None
     center_m = points_m.mean(axis=0)
     k = camera.pinhole.px_from_cam
-    found, axis, moved, inliers = cv2.solvePnPRansac(  # pyright: ignore
+    found, axis, moved, chosen = cv2.solvePnPRansac(  # pyright: ignore
         points_m - center_m, xy_px, k, None, iterationsCount=300, reprojectionError=PNP_PX * px
     )
-    if not found or inliers is None or len(inliers) < max(LEAST_POINTS, 0.3 * len(points_m)):
+    kept = np.zeros(0, np.int64) if not found else np.asarray(chosen, dtype=np.int64).ravel()
+    if len(kept) < max(LEAST_POINTS, 0.3 * len(points_m)):
         return None
-    kept = inliers.ravel()
     axis, moved = cv2.solvePnPRefineLM(  # pyright: ignore
         points_m[kept] - center_m, xy_px[kept], k, None, axis, moved
     )
@@ -198,14 +201,18 @@ def frame_poses(
     for frame, camera in enumerate(cameras):
         own = np.flatnonzero((tracks.frame == frame) & points.known)
         if len(own) < LEAST_POINTS:
-            found.append(FramePose(len(own), None, None, None, None, None))
+            found.append(FramePose(len(own), None, None, None, None, None, None))
             continue
         error_px = float(np.median(points.error_px[own]))
         placed = pose_of(camera, points.others_m[own], tracks.xy_px[own], float(px[frame]))
         if placed is None:
-            found.append(FramePose(len(own), error_px, None, None, None, None))
+            found.append(FramePose(len(own), error_px, None, None, None, None, None))
             continue
         world_from_cam, corrected_px = placed
+        one, other = (
+            pose_of(camera, points.others_m[half], tracks.xy_px[half], float(px[frame]))
+            for half in (own[::2], own[1::2])
+        )
         apart = camera.world_from_cam.inverse() @ world_from_cam
         angle = np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1))
         moved_m = float(np.linalg.norm(apart.translation_m))
@@ -215,6 +222,7 @@ def frame_poses(
                 error_px,
                 corrected_px,
                 world_from_cam,
+                None if one is None or other is None else (one[0], other[0]),
                 moved_m,
                 float(np.degrees(angle)),
             )

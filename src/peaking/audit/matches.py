@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -70,10 +71,12 @@ def features_of(frame: Frame) -> Features:
     mask = None
     if frame.mask is not None:
         mask = cv2.resize(frame.mask.astype(np.uint8), size_px, interpolation=cv2.INTER_NEAREST)
-    found, descriptors = cv2.SIFT_create(FEATURES).detectAndCompute(gray, mask)  # pyright: ignore
-    if descriptors is None or len(found) == 0:
+    keypoints, described = cv2.SIFT_create(FEATURES).detectAndCompute(gray, mask)  # pyright: ignore
+    found = cast("Sequence[cv2.KeyPoint]", keypoints)
+    if len(found) == 0:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0), 1 / shrink)
     xy = np.array([point.pt for point in found], dtype=np.float64)
+    descriptors = np.asarray(described, dtype=np.float32)
     root = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
     smooth = cv2.blur(gray, (9, 9))
     columns, rows = np.clip(xy.round().astype(int), 0, np.array(size_px) - 1).T
@@ -123,9 +126,10 @@ def _along_epipolar_lines(
         )
     except cv2.error:  # the pictures are from the same place: there is no line
         return np.linalg.norm(one - other, axis=1) < WITHIN_PX
-    if inliers is None:
+    chosen = np.asarray(inliers).ravel()
+    if len(chosen) != len(one):  # none was found
         return np.zeros(len(one), dtype=np.bool_)
-    return np.asarray(inliers).ravel().astype(np.bool_)
+    return chosen.astype(np.bool_)
 
 
 def partners(cameras: Sequence[Camera], distance_m: float | None) -> list[tuple[int, int]]:
@@ -177,7 +181,7 @@ class Tracks:
 def joined(features: Sequence[Features], pairs: Iterable[Pair]) -> Tracks:
     """Join matches to tracks; a track that has two points in one picture is left out."""
     starts = np.concatenate([[0], np.cumsum([len(f.xy_px) for f in features])]).astype(np.int64)
-    parent = np.arange(starts[-1])
+    parent = np.arange(int(starts[-1]), dtype=np.int64)
 
     def root(node: int) -> int:
         while parent[node] != node:
@@ -204,10 +208,3 @@ def joined(features: Sequence[Features], pairs: Iterable[Pair]) -> Tracks:
     return Tracks(
         numbers.astype(np.int64), frames[good].astype(np.int64), xy_px[good], luma[good], len(kept)
     )
-
-
-def all_features(
-    count: int, read: Callable[[int], Frame], progress: Callable[[Sequence[int]], Iterable[int]]
-) -> list[Features]:
-    """Find the features of all pictures."""
-    return [features_of(read(number)) for number in progress(range(count))]

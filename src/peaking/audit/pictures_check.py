@@ -107,9 +107,9 @@ def twins(cameras: Sequence[Camera], looks: Sequence[Look]) -> dict[int, int]:
         near = np.flatnonzero(
             (away_m <= SAME_PLACE * usual_m) & (turned <= max(SAME_PLACE, 0.5) * usual_rad)
         )
-        for j in near:
-            apart = np.abs(looks[i].small.astype(int) - looks[j].small).mean()
-            if apart < SAME_PICTURE and int(j) not in found:
-                found[i] = int(j)
+        for j in (int(k) for k in near):
+            apart = np.abs(looks[i].small.astype(np.float64) - looks[j].small).mean()
+            if apart < SAME_PICTURE and j not in found:
+                found[i] = j
                 break
     return found

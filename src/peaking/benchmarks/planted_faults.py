@@ -85,6 +85,7 @@ class SpoiltRecording:
         if whole is not None:
             cameras = [_WHOLE[whole](camera) for camera in cameras]
         self.cameras: Sequence[Camera] = cameras
+        self.has_depth: Sequence[bool] = [recording.has_depth[number] for number in numbers]
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._recording, name)
@@ -102,11 +103,6 @@ class SpoiltRecording:
         """Times, as recorded."""
         return [self._recording.timestamps_s[number] for number in self._numbers]
 
-    @property
-    def has_depth(self) -> Sequence[bool]:
-        """Which frames have depth."""
-        return [self._recording.has_depth[number] for number in self._numbers]
-
     def read(self, index: int) -> Frame:
         """Return a frame with its fault."""
         frame = self._recording.read(self._numbers[self._shown[index]])
@@ -120,10 +116,10 @@ def _off(camera: Camera, fault: str, rng: np.random.Generator) -> Camera:
     direction /= np.linalg.norm(direction)
     pose = camera.world_from_cam
     if fault == "moved by 3 cm":
-        moved = Rigid(pose.rotation, pose.translation_m + MOVED_M * direction)
-        return replace(camera, world_from_cam=moved)
-    turn, _ = cv2.Rodrigues(np.radians(TURNED_DEG) * direction)
-    turned = pose.rotation @ np.asarray(turn, dtype=np.float64)
+        place_m = pose.translation_m + MOVED_M * direction
+        return replace(camera, world_from_cam=Rigid(pose.rotation, place_m))
+    turn = np.asarray(cv2.Rodrigues(np.radians(TURNED_DEG) * direction)[0])  # pyright: ignore
+    turned = pose.rotation @ turn
     return replace(camera, world_from_cam=Rigid(turned, pose.translation_m))
 
 
@@ -149,14 +145,18 @@ def _moved(rgb: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator) -> np.ndar
     """Copy a part of the picture to another place, as if it had been carried there."""
     height, width = rgb.shape[:2]
     h, w = round(MOVED_SHARE * height), round(MOVED_SHARE * width)
+    tried: list[tuple[float, tuple[slice, slice], np.ndarray]] = []
+    for _ in range(20):
+        (top, to_top), (left, to_left) = (
+            rng.integers(0, height - h, 2),
+            rng.integers(0, width - w, 2),
+        )
+        part = rgb[top : top + h, left : left + w]
+        there = slice(to_top, to_top + h), slice(to_left, to_left + w)
+        tried.append((float(np.abs(part.astype(np.float64) - rgb[there]).mean()), there, part))
+    _, there, part = max(tried, key=lambda one: one[0])  # what is seen to have moved
     spoilt = rgb.copy()
-    for _ in range(50):
-        rows, columns = rng.integers(0, height - h, 2), rng.integers(0, width - w, 2)
-        part = rgb[rows[0] : rows[0] + h, columns[0] : columns[0] + w]
-        there = rgb[rows[1] : rows[1] + h, columns[1] : columns[1] + w]
-        if np.abs(part.astype(int) - there).mean() > 40:
-            break
-    spoilt[rows[1] : rows[1] + h, columns[1] : columns[1] + w] = part
+    spoilt[there] = part
     return spoilt
 
 
@@ -248,6 +248,7 @@ def found_faults(recording: Recording, *, most: int, seed: int) -> Found:
     for i, kind in faults.items():
         planted[kind] = planted.get(kind, 0) + 1
         found[kind] = found.get(kind, 0) + _is_found(after, i, kind)
+    # Of two that show the same, either may be named.
     others = [i for i in range(len(some)) if i not in faults and faults.get(i + 1) != "duplicate"]
     whole = {
         kind: _whole_kind(examine(SpoiltRecording(recording, some, {}, seed, kind))) == kind  # type: ignore[arg-type]
