@@ -31,8 +31,9 @@ UNLIKE = 9.0
 """A pose is off when it differs from those nearby by so many times what is usual."""
 LEAST_OFF_PX = 0.8
 """And moves things by so many pixels of the working size."""
-FLOOR_PX = 0.25
-"""Usual differences are taken to be at least this large."""
+FLOOR_PX, FLOOR_OF_ERROR = 0.12, 0.11
+"""Usual differences are taken to be at least this large, or this part of the usual error of points:
+recorded poses whose points do not fit well tell less."""
 SWAPPED_WITHIN = 0.2
 """Of the way between two pictures' poses: nearer to the other's one counts as there."""
 BLOB_SHARE, BLOB_MORE = 0.01, 3.0
@@ -152,11 +153,12 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
             recording, spoilt, progress=lambda numbers: progress(numbers, "predicting")
         )
         explained = {f.frame for f in findings if f.kind != "exposure"}
-        unlike = [i for i in _unlike(shown) if i not in explained]
+        unlike = _unlike({i: one for i, one in shown.items() if i not in explained})
         # What moved in one picture is not shown by it where it was before, in others: those that
         # are unlike only for that are like again when it predicts none.
         shown |= surprises(recording, spoilt | set(unlike), only=unlike)
-        findings += [_moved(i, shown[i]) for i in _unlike(shown) if i in unlike]
+        rest = {i: one for i, one in shown.items() if i not in explained}
+        findings += [_moved(i, shown[i]) for i in _unlike(rest) if i in unlike]
     else:
         not_checked.append("whether something moved: that needs depth")
     return Examination(_in_order(findings), None, not_checked, poses, shown)
@@ -217,7 +219,9 @@ def _astray(
     # seen everywhere, a roll or a step forward at the edges, a step sideways by parallax.
     seen_px = np.array([1.0, 1.0, 0.3, 0.3, 0.3, 0.3]) * focal_px[:, None] * off
     usual_px = np.nanmedian(seen_px, axis=0) if np.isfinite(seen_px).any() else np.ones(6)
-    times = seen_px / np.maximum(usual_px, FLOOR_PX)
+    errors_px = [pose.error_px for pose in poses if pose.error_px is not None]
+    floor_px = max(FLOOR_PX, FLOOR_OF_ERROR * float(np.median(errors_px or [0.0])))
+    times = seen_px / np.maximum(usual_px, floor_px)
     return {
         i: float(times[i].max() / UNLIKE)
         for i in range(len(poses))

@@ -21,7 +21,7 @@ MOVED_M, TURNED_DEG = 0.03, 2.0
 MOVED_SHARE = 0.22
 """Sides of what is moved, over those of the picture."""
 FOCAL = 1.1
-EVERY = 40
+EVERY = 25
 """Of so many frames, one has each fault."""
 
 SINGLE = (
