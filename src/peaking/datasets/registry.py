@@ -11,6 +11,7 @@ from peaking.datasets import (
     archive,
     arkitscenes,
     colmap,
+    llff,
     nerfstudio,
     photo_folder,
     polycam,
@@ -74,6 +75,14 @@ FORMATS: Sequence[Format] = (
         colmap.recognises,
         lambda root, reading, confined: colmap.open_recording(
             root, reading.images, confined=confined
+        ),
+    ),
+    Format(
+        "llff",
+        "a folder with poses_bounds.npy",
+        llff.recognises,
+        lambda root, reading, confined: llff.open_recording(
+            root, images=reading.images, confined=confined
         ),
     ),
     Format(

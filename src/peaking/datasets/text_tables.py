@@ -100,7 +100,8 @@ def pose_of_matrix(
     if not np.isfinite(matrix).all():
         return None
     try:
-        return Rigid[World, Cam].from_matrix(matrix)
+        with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers end as "not rigid"
+            return Rigid[World, Cam].from_matrix(matrix)
     except ValueError as error:
         remedy = "correct the pose or remove the frame"
         raise RecordingError(path, str(error), field=field, remedy=remedy) from error
