@@ -44,6 +44,7 @@ from peaking.datasets.transforms_json import (
     Fields,
     Json,
     depth_of,
+    file_of,
     frames_of,
     lens_of,
     pose_of,
@@ -116,8 +117,8 @@ class NerfstudioRecording:
 
     @property
     def path(self) -> Path:
-        """The file that says what there is: transforms.json."""
-        return self.root / FILE_NAME
+        """The file that says what there is: transforms.json, or the first of several."""
+        return file_of(self.root)
 
     @property
     def names(self) -> Sequence[str]:
@@ -235,7 +236,8 @@ class NerfstudioRecording:
 
     def fingerprint(self) -> str:
         """Return a short name for transforms.json and the sizes of pictures and depth maps."""
-        digest = hashlib.sha256(self.path.read_bytes())
+        told = (file for file in self.root.glob("transforms*.json") if file.is_file())
+        digest = hashlib.sha256(b"".join(file.read_bytes() for file in sorted(told)))
         for view in self.views:
             for name in (view.picture, view.depth, *([view.mask] if view.mask else [])):
                 size = (self.root / name).stat().st_size if name else 0
@@ -368,8 +370,8 @@ class NerfstudioRecording:
 
 
 def recognises(path: Path) -> bool:
-    """Return whether a folder holds a transforms.json."""
-    return (path / FILE_NAME).is_file()
+    """Return whether a folder holds a transforms.json, or transforms_train.json and the like."""
+    return file_of(path).is_file()
 
 
 def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording:
@@ -394,7 +396,7 @@ def open_recording(root: Path, *, confined: bool = False) -> NerfstudioRecording
 def _opened(root: Path, *, confined: bool = False) -> NerfstudioRecording:
     within = root if confined else None
     top = read_json(root, within=within)
-    path = root / FILE_NAME
+    path = file_of(root)
     scale = Fields(path, top, {}).positive("applied_scale", 1.0)
     Fields(path, top, {}).check_paths()
     views = [_view(root, fields, scale, within) for fields in frames_of(path, top)]
@@ -508,7 +510,7 @@ def _top_of_subset(
 
 def _files_of(recording: NerfstudioRecording, chosen: Sequence[RecordedView]) -> list[Path]:
     """Return the files that a subset needs, once each."""
-    path = recording.root / FILE_NAME
+    path = recording.path
     files = {view.picture: None for view in chosen}
     files |= {view.depth: None for view in chosen if view.depth is not None}
     own = [Fields(path, view.entry, {}) for view in chosen]

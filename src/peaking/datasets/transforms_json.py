@@ -27,6 +27,8 @@ from peaking.limits import MAX_TRANSFORMS_BYTES, MAX_TRANSFORMS_DEPTH, MAX_TRANS
 Json = Mapping[str, Any]
 
 FILE_NAME = "transforms.json"
+SPLIT_NAMES = ("transforms_train.json", "transforms_val.json", "transforms_test.json")
+"""Of data sets in several files (NeRF's synthetic scenes, nerfstudio's older exports)."""
 
 UNIT = "depth_unit_scale_factor"
 """Metres per value of a depth map."""
@@ -156,8 +158,19 @@ class Fields:
         return name
 
 
+def file_of(root: Path) -> Path:
+    """Return the file of a folder that tells its frames: transforms.json, or the first of several.
+
+    Where there is none it is transforms.json.
+    """
+    names = (FILE_NAME, *SPLIT_NAMES)
+    return next((root / name for name in names if os.path.lexists(root / name)), root / FILE_NAME)
+
+
 def read_json(root: Path, *, within: Path | None = None) -> Json:
-    """Read transforms.json of a folder.
+    """Read transforms.json of a folder, or transforms_train.json and the others as one.
+
+    Frames of several files have all fields of their own file.
 
     Args:
         root: The folder.
@@ -170,10 +183,22 @@ def read_json(root: Path, *, within: Path | None = None) -> Json:
     if not root.is_dir():
         problem = "is not a folder" if root.exists() else "does not exist"
         raise RecordingError(root, problem, remedy="give the folder that holds transforms.json")
-    path = root / FILE_NAME
-    if not os.path.lexists(path):
+    first = file_of(root)
+    if not os.path.lexists(first):
         remedy = "give the folder that holds it: a recording in nerfstudio's format"
-        raise RecordingError(path, "does not exist", remedy=remedy)
+        raise RecordingError(first, "does not exist", remedy=remedy)
+    if first.name == FILE_NAME:
+        return _read(first, within)
+    frames: list[Any] = []
+    for name in SPLIT_NAMES:
+        if os.path.lexists(root / name):
+            top = _read(root / name, within)
+            shared = {key: value for key, value in top.items() if key != "frames"}
+            frames += [{**shared, **fields.own} for fields in frames_of(root / name, top)]
+    return {"frames": frames}
+
+
+def _read(path: Path, within: Path | None) -> Json:
     data = read_bytes(path, within=within, at_most=MAX_TRANSFORMS_BYTES)
     # Every field and item follows one of these; a few more stand in texts. One may take 200 bytes.
     values = sum(data.count(mark) for mark in b",[{")
