@@ -54,7 +54,7 @@ def test_nerfs_synthetic_scenes(tmp_path: Path) -> None:
     (root / "transforms.json").unlink()
     for name, some in (("train", frames[:3]), ("test", frames[3:])):
         (root / name).mkdir()
-        listed: list[dict[str, object]] = []
+        listed: list[object] = []
         for i, frame in enumerate(some):
             (root / frame["file_path"]).rename(root / name / f"r_{i}.png")
             matrix = frame["transform_matrix"]
