@@ -113,7 +113,7 @@ def test_a_trace_unpacks_to_no_more_than_it_may(
 
 
 def test_the_demo_refuses_in_one_sentence(tmp_path: Path) -> None:
-    path = tmp_path / "cut.zip"
+    path = tmp_path / "peaking-trace.zip"
     path.write_bytes(write_trace(tmp_path / "a.zip").read_bytes()[:-9])
     done = subprocess.run(
         [sys.executable, "-c", PEAKING, "demo", str(path), "--no-open", "--port", "0"],
@@ -121,7 +121,7 @@ def test_the_demo_refuses_in_one_sentence(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "cut.zip: is cut off, or is no trace" in done.stderr
+    assert "peaking-trace.zip: is cut off, or is no trace" in done.stderr
 
 
 def test_a_recording_has_no_trace(tmp_path: Path) -> None:
