@@ -12,17 +12,16 @@ from jaxtyping import Float64
 
 from peaking.audit.contents_check import Surprise, surprises
 from peaking.audit.geometry_check import NEIGHBOURS, FramePose, frame_poses
-from peaking.audit.matches import Features, features_of, joined, matched, partners
+from peaking.audit.matches import Features, Pair, features_of, joined, matched, partners
 from peaking.audit.pictures_check import DARK, DARK_BRIGHTEST, Look, gains, look_at, twins
 from peaking.audit.whole_recording import WholeFault, whole_fault
+from peaking.best_frames.choosing import BLURRED
 from peaking.datasets import Recording
 from peaking.datasets.depth_unit import typical_distance
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Rigid, World
 from peaking.selection.blur import relative_to_nearest
 
-BLURRED = 0.7
-"""Sharpness over that of pictures from nearby."""
 UNEVEN = 1.25
 """Brightness of points over that in other pictures, or its inverse."""
 CLIPPED_SHARE, CLIPPED_MORE = 0.12, 3.0
@@ -112,11 +111,7 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
     px = np.array([found.px for found in features])
     distance_m = typical_distance(cameras, read) if len(cameras) > 1 else None
     asked = partners(cameras, distance_m)
-    pairs = [
-        pair
-        for number in progress(range(len(asked)), "matching")
-        if (pair := matched(*asked[number], *(features[i] for i in asked[number]))) is not None
-    ]
+    pairs = _matched_all(features, asked, lambda numbers: progress(numbers, "matching"))
     tracks = joined(features, pairs)
     whole = whole_fault(cameras, tracks, px)
     not_checked: list[str] = []
@@ -131,11 +126,7 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
     asking = sorted({*astray, *(i for i, pose in enumerate(poses) if pose.halves is None)})
     if asking:
         more = _asked_again(asking, len(cameras), set(asked))
-        pairs += [
-            pair
-            for number in progress(range(len(more)), "matching again")
-            if (pair := matched(*more[number], *(features[i] for i in more[number]))) is not None
-        ]
+        pairs += _matched_all(features, more, lambda numbers: progress(numbers, "matching again"))
         tracks = joined(features, pairs)
         poses = frame_poses(cameras, tracks, px)
         again = _astray(cameras, poses, distance_m, px)
@@ -162,6 +153,19 @@ def examine(recording: Recording, *, progress: Progress = _quietly) -> Examinati
     else:
         not_checked.append("whether something moved: that needs depth")
     return Examination(_in_order(findings), None, not_checked, poses, shown)
+
+
+def _matched_all(
+    features: Sequence[Features],
+    asked: Sequence[tuple[int, int]],
+    progress: Callable[[Sequence[int]], Iterable[int]],
+) -> list[Pair]:
+    """Match pairs of pictures, and return those that share something."""
+    tried = (
+        matched(*asked[number], *(features[i] for i in asked[number]))
+        for number in progress(range(len(asked)))
+    )
+    return [pair for pair in tried if pair is not None]
 
 
 def _in_order(findings: Sequence[Finding]) -> list[Finding]:

@@ -131,7 +131,7 @@ def facts_of(
         masks += frame.mask is not None
         with_points |= frame.points_m is not None and len(frame.points_m) > 0
         if with_looks:
-            small = _small(frame)
+            small = shrunk(frame)
             sharp.append(sharpness(small.rgb))
             bright.append(max(1e-3, float(np.mean(small.rgb))))
         if frame.depth_m is not None and number in for_depth:
@@ -154,7 +154,8 @@ def facts_of(
     )
 
 
-def _small(frame: Frame) -> Frame:
+def shrunk(frame: Frame) -> Frame:
+    """Return a frame at the size at which pictures are looked at."""
     size_px = frame.camera.pinhole.size_px
     if size_px[0] * size_px[1] <= LOOKED_AT_PIXELS:
         return frame

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
+from peaking.audit.facts import shrunk
 from peaking.audit.matches import Tracks
-from peaking.frame import Frame, working_size_px
+from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.selection.blur import sharpness
 
-LOOKED_AT_PIXELS = 120_000
 THUMBNAIL_PX = (48, 36)
 DARK, DARK_BRIGHTEST = 24.0, 90.0
 """Median brightness, and its 98th percentile, of 255, below which a picture is called too dark."""
@@ -49,10 +49,7 @@ class Look:
 
 def look_at(frame: Frame) -> Look:
     """Look at a picture."""
-    width, height = frame.camera.pinhole.size_px
-    small = frame
-    if width * height > LOOKED_AT_PIXELS:
-        small = frame.resized(*working_size_px(width, height, pixels=LOOKED_AT_PIXELS))
+    small = shrunk(frame)
     gray = cv2.cvtColor(small.rgb, cv2.COLOR_RGB2GRAY)
     tiny = cv2.resize(small.rgb, THUMBNAIL_PX, interpolation=cv2.INTER_AREA)
     return Look(

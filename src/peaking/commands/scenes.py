@@ -26,7 +26,7 @@ class SceneOptions:
     """How the recording is read."""
 
     format: str | None = None
-    """Its format (`peaking info` names them), where looking at it does not tell."""
+    """Its format by name (docs/formats.md), where looking at it does not tell."""
     images: Path | None = None
     """The folder of its pictures, where these lie elsewhere: of a COLMAP model, say."""
     refine: bool = False

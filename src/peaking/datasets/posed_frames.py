@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -465,11 +465,6 @@ class PosedRecording:
             return None
         mask = mask_resized(read_mask(frame.mask, within=self.within), *frame.lens.pinhole.size_px)
         return frame.lens.undistorted_mask(mask)
-
-
-def named_again(recording: PosedRecording, name: str, path: Path) -> PosedRecording:
-    """Return a recording under the name that people gave it: of an archive, not of its contents."""
-    return replace(recording, name=name, path=path)
 
 
 def placed(

@@ -62,12 +62,17 @@ class Format:
     open: Callable[[Path, Reading, bool], Recording]
 
 
+def _looked_at(opener: Callable[..., Recording]) -> Callable[[Path, Reading, bool], Recording]:
+    """Return how a format is opened that needs nothing but the path."""
+    return lambda root, _, confined: opener(root, confined=confined)
+
+
 FORMATS: Sequence[Format] = (
     Format(
         "nerfstudio",
         "a folder with transforms.json",
         nerfstudio.recognises,
-        lambda root, _, confined: nerfstudio.open_recording(root, confined=confined),
+        _looked_at(nerfstudio.open_recording),
     ),
     Format(
         "colmap",
@@ -89,55 +94,55 @@ FORMATS: Sequence[Format] = (
         "record3d",
         "an .r3d file",
         record3d.recognises,
-        lambda root, _, confined: record3d.open_recording(root, confined=confined),
+        _looked_at(record3d.open_recording),
     ),
     Format(
         "polycam",
         "raw data with keyframes/",
         polycam.recognises,
-        lambda root, _, confined: polycam.open_recording(root, confined=confined),
+        _looked_at(polycam.open_recording),
     ),
     Format(
         "stray",
         "a scan of Stray Scanner with rgb.mp4 and odometry.csv",
         stray.recognises,
-        lambda root, _, confined: stray.open_recording(root, confined=confined),
+        _looked_at(stray.open_recording),
     ),
     Format(
         "tum",
         "a folder with rgb.txt and groundtruth.txt",
         tum.recognises,
-        lambda root, _, confined: tum.open_recording(root, confined=confined),
+        _looked_at(tum.open_recording),
     ),
     Format(
         "scannet",
         "an exported scene with color/, depth/, pose/, intrinsic/",
         scannet.recognises,
-        lambda root, _, confined: scannet.open_recording(root, confined=confined),
+        _looked_at(scannet.open_recording),
     ),
     Format(
         "7-scenes",
         "a sequence with frame-000000.color.png",
         scannet.recognises_seven_scenes,
-        lambda root, _, confined: scannet.open_seven_scenes(root, confined=confined),
+        _looked_at(scannet.open_seven_scenes),
     ),
     Format(
         "arkitscenes",
         "a raw scan with lowres_wide.traj",
         arkitscenes.recognises,
-        lambda root, _, confined: arkitscenes.open_recording(root, confined=confined),
+        _looked_at(arkitscenes.open_recording),
     ),
     Format(
         "video",
         f"a file named {', '.join(video.ENDINGS)}",
         video.recognises,
-        lambda root, _, confined: video.open_recording(root, confined=confined),
+        _looked_at(video.open_recording),
     ),
     Format(
         "photos",
         "a folder of photos",
         photo_folder.recognises,
-        lambda root, _, confined: photo_folder.open_recording(root, confined=confined),
+        _looked_at(photo_folder.open_recording),
     ),
 )
 """Asked in this order."""
@@ -174,12 +179,6 @@ def open_recording(
     if known is None:
         raise _unknown(given, "is no recording of a format that is known")
     return known.open(given, reading, confined)
-
-
-def format_of(path: Path) -> str | None:
-    """Return the name of the format that a path looks like, or None."""
-    known = _format_of(path)
-    return None if known is None else known.name
 
 
 def _format_of(path: Path) -> Format | None:
