@@ -25,8 +25,10 @@ SAMPLED = 5
 """So many multi-plane images tell how large they are."""
 MOST_SCORED = 40
 """Frames on which the loss is measured."""
-CAREFUL = 0.98
-"""Of the views that would fit if all were as large as those that were looked at."""
+SURELY = 0.95
+"""Of the room: what must seem to fit into it, from a few views, fits."""
+AT_FIRST = 1.07
+"""Times the views that seem to fit are chosen; those that are worth least go until they fit."""
 MOST_PSNR_DB = 60.0
 """Counts as the same picture."""
 
@@ -71,12 +73,12 @@ def thin(
     """
     usable = files.usable
     wanted = min(num_views or len(usable), len(usable))
-    if _guessed_bytes(files, usable, WHOLE) + other_bytes < CAREFUL * room_bytes / wanted:
+    if _guessed_bytes(files, usable, WHOLE) + other_bytes < SURELY * room_bytes / wanted:
         coding, fitting = WHOLE, wanted
     else:
         coding = COMPACT
         each_bytes = _guessed_bytes(files, usable, COMPACT) + other_bytes
-        fitting = int(CAREFUL * room_bytes / each_bytes)
+        fitting = int(AT_FIRST * room_bytes / each_bytes)
         if fitting < 1:
             raise OutputError(
                 f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
