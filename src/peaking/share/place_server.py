@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import mimetypes
 import socket
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 from urllib.parse import unquote, urlsplit
 
 from peaking.errors import PeakingError
@@ -48,6 +49,11 @@ class PlaceServer(ThreadingHTTPServer):
         self.socket = listener
         self.files = files_of(shared, client_dir)
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of browsers that went away, and all of what is a fault here."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
     @property
     def port(self) -> int:
         """Where it answers."""
@@ -55,7 +61,9 @@ class PlaceServer(ThreadingHTTPServer):
 
 
 def files_of(shared: SharedPlace, client_dir: Path) -> Mapping[str, Callable[[], bytes]]:
-    """Return what makes the answer at each path; it is made once, and one at a time.
+    """Return what makes the answer at each path, once: images one at a time, and so the rest.
+
+    Thumbnails of large photographs are not waited for.
 
     Raises:
         ToolMissing: The web client is not built.
@@ -63,9 +71,9 @@ def files_of(shared: SharedPlace, client_dir: Path) -> Mapping[str, Callable[[],
     page = with_title(viewer_files.page(client_dir), shared.place.title).encode()
     fixed = {"": page, "index.html": page, "place.json": shared.place.to_json()}
     fixed |= viewer_files.assets(client_dir)
-    alone = threading.Lock()
+    images, others = threading.Lock(), threading.Lock()
 
-    def kept(make: Callable[[], bytes]) -> Callable[[], bytes]:
+    def kept(make: Callable[[], bytes], alone: threading.Lock) -> Callable[[], bytes]:
         made = lru_cache(maxsize=1)(make)
 
         def answer() -> bytes:
@@ -76,12 +84,16 @@ def files_of(shared: SharedPlace, client_dir: Path) -> Mapping[str, Callable[[],
 
     return {
         **{name: (lambda data=data: data) for name, data in fixed.items()},
-        **{name: kept(make) for name, make in shared.files.items()},
+        **{
+            name: kept(make, images if name.endswith(".mpi") else others)
+            for name, make in shared.files.items()
+        },
     }
 
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
+    timeout = 60
 
     def do_GET(self) -> None:
         """Answer with a file."""
