@@ -74,7 +74,7 @@ def test_the_place_is_read_back_whatever_it_is_called(client: Path) -> None:
     found = elements(single_file(a_place(), {}, client))
     (text,) = (text for _, attributes, text in found if attributes.get("id") == "place")
     assert json.loads(text) == json.loads(a_place().to_json())
-    assert [text for tag, _, text in found if tag == "title"] == [TITLE]
+    assert [text.strip() for tag, _, text in found if tag == "title"] == [TITLE]
 
 
 def test_the_script_comes_last_and_does_not_end_early(client: Path) -> None:
