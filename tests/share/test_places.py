@@ -18,10 +18,10 @@ from peaking.light_field import LightField
 from peaking.mpi_file import decode, write_mpi
 from peaking.options import DEFAULT
 from peaking.share import pictures
-from peaking.share.file_place import mpi_place
+from peaking.share.file_place import place_of_mpi
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import recorded_place, whole_contents
+from peaking.share.recorded_place import place_of_recording, whole_contents
 from peaking.view_builder import generate
 from recordings import lateral_cameras, write_recording
 
@@ -63,7 +63,7 @@ def camera_of(view: dict[str, Any]) -> Camera:
 
 
 def test_images_have_the_cameras_of_the_place(files: RecordedFiles) -> None:
-    shared = recorded_place(files, whole_contents(files))
+    shared = place_of_recording(files, whole_contents(files))
     document = json.loads(shared.place.to_json())
     assert document["shown"] == "light-field"
     assert document["options"]["neighbours"] == OPTIONS.neighbours
@@ -77,7 +77,7 @@ def test_images_have_the_cameras_of_the_place(files: RecordedFiles) -> None:
 
 
 def test_the_light_field_shows_the_photographs(files: RecordedFiles) -> None:
-    shared = recorded_place(files, whole_contents(files))
+    shared = place_of_recording(files, whole_contents(files))
     views = [view for view in shared.place.views if view.mpi is not None]
     others = [decode(shared.files[view.mpi or ""]()) for view in views if view is not views[2]]
     rendering = LightField(others, OPTIONS).render(views[2].camera)
@@ -88,7 +88,7 @@ def test_the_light_field_shows_the_photographs(files: RecordedFiles) -> None:
 
 
 def test_points_lie_where_pictures_show_their_colours(files: RecordedFiles) -> None:
-    shared = recorded_place(files, whole_contents(files))
+    shared = place_of_recording(files, whole_contents(files))
     xyz_m, rgb = read_points(shared.files["points.bin"]())
     assert len(xyz_m) > 500
     view = shared.place.views[2]
@@ -113,7 +113,7 @@ def _away(files: RecordedFiles) -> np.ndarray:
 
 
 def test_every_file_is_named_and_every_name_is_a_file(files: RecordedFiles) -> None:
-    shared = recorded_place(files, whole_contents(files))
+    shared = place_of_recording(files, whole_contents(files))
     document = json.loads(shared.place.to_json())
     named = {view[kind] for view in document["views"] for kind in ("photo", "thumbnail", "mpi")}
     named |= {document["points"], document["poster"]}
@@ -143,7 +143,7 @@ def test_an_mpi_file_is_a_place_of_one_view(files: RecordedFiles, tmp_path: Path
     frame = files.recording.read(1)
     mpi = generate(frame, OPTIONS)
     write_mpi(tmp_path / "view.mpi", mpi)
-    shared = mpi_place(tmp_path / "view.mpi")
+    shared = place_of_mpi(tmp_path / "view.mpi")
     (view,) = shared.place.views
     shown = decode(shared.files[view.mpi or ""]())
     np.testing.assert_allclose(
