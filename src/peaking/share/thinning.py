@@ -9,15 +9,14 @@ import numpy as np
 
 from peaking.best_frames import BestFrames, choose_best
 from peaking.errors import OutputError
-from peaking.frame import Frame
 from peaking.light_field import LightField
-from peaking.metrics.psnr_ssim import psnr
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.share.compact_mpi import COMPACT, WHOLE, Coding
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
+from peaking.share.scores import psnr_db
 
 Progress = Callable[[Sequence[int], str], Iterable[int]]
 """Wraps the numbers of frames; the text says what is done with them."""
@@ -30,8 +29,6 @@ SURELY = 0.95
 """Of the room: what must seem to fit into it, from a few views, fits."""
 AT_FIRST = 1.07
 """Times the views that seem to fit are chosen; those that are worth least go until they fit."""
-MOST_PSNR_DB = 60.0
-"""Counts as the same picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,10 +122,13 @@ def loss_db(
         frame = frames.frame(i)
         of_all = frames.render([j for j in everything if j != i], frame.camera).rgba
         views = [mpi for j, mpi in kept.items() if j != i]
-        if views and (frame.mask is None or frame.mask.any()):
-            near = frame.camera.relative_to(files.origin_m)
-            of_kept = LightField(views, files.options).render(near).rgba
-            losses_db.append(_psnr_db(of_all, frame) - _psnr_db(of_kept, frame))
+        if not views:
+            continue
+        near = frame.camera.relative_to(files.origin_m)
+        of_kept = LightField(views, files.options).render(near).rgba
+        before_db, after_db = (psnr_db(rgba[..., :3], frame) for rgba in (of_all, of_kept))
+        if before_db is not None and after_db is not None:
+            losses_db.append(before_db - after_db)
     return float(np.mean(losses_db)) if losses_db else None
 
 
@@ -137,11 +137,6 @@ class _StoredFrames(RecordedFrames):
 
     def _made(self, index: int) -> Mpi:
         return decode(WHOLE.encode(super()._made(index)))
-
-
-def _psnr_db(rgba: np.ndarray, frame: Frame) -> float:
-    rgb = np.clip(rgba[..., :3], 0, 1).astype(np.float64)
-    return min(psnr(rgb, frame.rgb / 255.0, frame.mask), MOST_PSNR_DB)
 
 
 def _guessed_bytes(files: RecordedFiles, usable: Sequence[int], coding: Coding) -> float:
