@@ -57,6 +57,7 @@ ORDER = [
     "photographers",
     "study",
     "server",
+    "share",
     "benchmarks",
     "commands",
     "cli",

@@ -34,8 +34,10 @@ from peaking.commands import (
     replay,
     select,
     serve,
+    share,
     splat,
     study,
+    view,
 )
 from peaking.commands.arguments import with_plain_help
 from peaking.errors import PeakingError
@@ -57,6 +59,8 @@ Examples:
   peaking generate scenes/desk --frame 0 --out view.mpi
   peaking render view.mpi --move-m 0.1 0 0 --out moved.png
   peaking splat scenes/desk --out desk.ply
+  peaking view scenes/desk
+  peaking share scenes/desk --out desk.html
   peaking plan --z-min-m 0.5 --area-m 0.15
   peaking evaluate scenes/desk --out out/evaluation
   peaking photographers --json photographers.json
@@ -94,6 +98,8 @@ COMMANDS: dict[str, type[Command]] = {
     "doctor": doctor.Doctor,
     "render": render.Render,
     "splat": splat.Splat,
+    "view": view.View,
+    "share": share.Share,
     "evaluate": evaluate.Evaluate,
     "photographers": photographers.Photographers,
     "quality": quality.Quality,

@@ -78,7 +78,7 @@ def check_writable(path: Path) -> None:
         OutputError: Its ending is of no format.
         BackendUnavailable: gsply is missing.
     """
-    _format(path)
+    format_of(path)
     if ending_of(path) in _GSPLY:
         _gsply()
 
@@ -91,7 +91,7 @@ def upright(gaussians: Gaussians, up: Axis, path: Path) -> Gaussians:
         up: The axis that points up now.
         path: The file.
     """
-    form = _format(path)
+    form = format_of(path)
     return turned(gaussians, turn(up, form.up, half_turn=form.half_turn))
 
 
@@ -111,7 +111,7 @@ def convert_splats(
         OutputError: The file cannot be written.
         BackendUnavailable: gsply is missing.
     """
-    form, read_form = _format(out), _format(source)
+    form, read_form = format_of(out), format_of(source)
     gaussians = read_splats(source)
     # Between two formats it is the same half turn there and back, by the one that is not .ply's.
     about = "x" if "x" in (form.half_turn, read_form.half_turn) else "z"
@@ -177,7 +177,7 @@ def read_splats(path: Path) -> Gaussians:
         SplatFileError: It is no sound file of Gaussians.
         BackendUnavailable: gsply is missing.
     """
-    _format(path)
+    format_of(path)
     return _read(path, ending_of(path) or "")
 
 
@@ -267,7 +267,7 @@ def _near_together(gaussians: Gaussians) -> Gaussians:
 
 def _check(path: Path, got: Gaussians, wanted: Gaussians) -> None:
     """Compare what was read back: positions and colours."""
-    form = _format(path)
+    form = format_of(path)
     extent_m = float(np.ptp(wanted.means_m, axis=0).max())
     problem = f"{len(got)} Gaussians of {len(wanted)}" if len(got) != len(wanted) else None
     if problem is None:
@@ -283,7 +283,12 @@ def _check(path: Path, got: Gaussians, wanted: Gaussians) -> None:
         raise OutputError(f"{path}: was read back with {problem}; nothing was kept")
 
 
-def _format(path: Path) -> SplatFormat:
+def format_of(path: Path) -> SplatFormat:
+    """Return how files of a name's ending are to be looked at.
+
+    Raises:
+        OutputError: Its ending is of no format.
+    """
     ending = ending_of(path)
     if ending is None:
         raise OutputError(f"{path}: need a name that ends in one of {', '.join(ENDINGS)}")

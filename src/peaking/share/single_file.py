@@ -1,0 +1,79 @@
+"""A place in one HTML file that opens from the disk: nothing in it is fetched.
+
+A page from the disk may neither fetch nor start module workers. So scripts are classic and inside
+the page, and so are the files of the place: as base64, in elements that browsers do not run.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from peaking.share import viewer_files
+from peaking.share.place import Place
+
+_LOADED = re.compile(
+    r'\s*<(?:script\b[^>]*\bsrc=[^>]*></script>|link\b[^>]*\brel="(?:stylesheet|modulepreload)"[^>]*/?>)'
+)
+_TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
+_END_OF_SCRIPT = re.compile(r"<(/script|!--|script)", re.IGNORECASE)
+
+
+def single_file(place: Place, files: Mapping[str, bytes], client_dir: Path) -> bytes:
+    """Return the page.
+
+    Args:
+        place: What is shown.
+        files: All that it names.
+        client_dir: The built web client.
+
+    Raises:
+        ToolMissing: The web client is not built.
+    """
+    name = bundle_of(place)
+    page = with_title(_LOADED.sub("", viewer_files.page(client_dir)), place.title)
+    style = viewer_files.styles(client_dir, name).replace("</style", "<\\/style")
+    head, _, rest = page.partition("</head>")
+    body, _, end = rest.rpartition("</body>")
+    json = place.to_json().decode().replace("<", "\\u003c")
+    parts = [
+        head,
+        f"<style>{style}</style>\n</head>",
+        body,
+        f'<script type="application/json" id="place">{json}</script>\n',
+        *(_inlined(name, data) for name, data in files.items()),
+        f"<script>{_within_page(viewer_files.bundle(client_dir, name))}</script>\n</body>",
+        end,
+    ]
+    return "".join(parts).encode()
+
+
+def bundle_of(place: Place) -> str:
+    """Return the name of the script that shows a place: the small one for a light field alone."""
+    return viewer_files.LIGHT_FIELD if place.splat is None else viewer_files.ALL
+
+
+def packed_bytes(size: int) -> int:
+    """Return how many bytes a file of a size takes in the page, its element included."""
+    return 4 * -(-size // 3) + len(_inlined("photos/00000.jpg", b""))
+
+
+def with_title(page: str, title: str) -> str:
+    """Return a page with another title, as those see it who are sent its address."""
+    return _TITLE.sub(lambda _: f"<title>{html.escape(title)}</title>", page, count=1)
+
+
+def _inlined(name: str, data: bytes) -> str:
+    content = base64.b64encode(data).decode()
+    return f'<script type="text/plain" data-file="{html.escape(name)}">{content}</script>\n'
+
+
+def _within_page(script: str) -> str:
+    r"""Return a script that does not end its element: `<` and what may follow it are in strings.
+
+    There, and in regular expressions and comments, `\x3c` is the same.
+    """
+    return _END_OF_SCRIPT.sub(r"\\x3c\1", script)

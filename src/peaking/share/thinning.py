@@ -1,0 +1,171 @@
+"""Which views of a light field are shared, and what is lost by leaving out the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from peaking.best_frames import BestFrames, choose_best
+from peaking.errors import OutputError
+from peaking.frame import Frame
+from peaking.light_field import LightField
+from peaking.metrics.psnr_ssim import psnr
+from peaking.mpi import Mpi
+from peaking.mpi_file import decode
+from peaking.selection.recorded_frames import RecordedFrames
+from peaking.share.compact_mpi import COMPACT, WHOLE, Coding
+from peaking.share.recorded_files import RecordedFiles
+
+Progress = Callable[[Sequence[int], str], Iterable[int]]
+"""Wraps the numbers of frames; the text says what is done with them."""
+
+SAMPLED = 5
+"""So many multi-plane images tell how large they are."""
+MOST_SCORED = 40
+"""Frames on which the loss is measured."""
+SURELY = 0.95
+"""Of the room: what must seem to fit into it, from a few views, fits."""
+AT_FIRST = 1.07
+"""Times the views that seem to fit are chosen; those that are worth least go until they fit."""
+MOST_PSNR_DB = 60.0
+"""Counts as the same picture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Thinned:
+    """The views that are kept of a light field.
+
+    Attributes:
+        mpis: By the number of the frame, in the order of the recording: the bytes of each.
+        loss_db: What held-out pictures lost in PSNR against the light field of all frames; None
+            where nothing was left out, or where that is not known because depth was estimated.
+    """
+
+    mpis: Mapping[int, bytes]
+    loss_db: float | None
+
+
+def thin(
+    files: RecordedFiles,
+    room_bytes: int,
+    num_views: int | None = None,
+    *,
+    other_bytes: int = 0,
+    progress: Progress = lambda numbers, _: numbers,
+) -> Thinned:
+    """Choose the views that show most and fit into a room.
+
+    Where all fit as they are, they are kept so. Else their images are made compact, and the views
+    are chosen by what the rendering would get wrong without them (`peaking.best_frames`).
+
+    Args:
+        files: Of a recording, some frames of which can become views.
+        room_bytes: For all views together.
+        num_views: How many at most; None: as many as fit.
+        other_bytes: What each view takes beside its image.
+        progress: Wraps what takes long.
+
+    Raises:
+        OutputError: Not even one view fits.
+        RecordingError: A frame cannot be read.
+    """
+    usable = files.usable
+    wanted = min(num_views or len(usable), len(usable))
+    if _guessed_bytes(files, usable, WHOLE) + other_bytes < SURELY * room_bytes / wanted:
+        coding, fitting = WHOLE, wanted
+    else:
+        coding = COMPACT
+        each_bytes = _guessed_bytes(files, usable, COMPACT) + other_bytes
+        fitting = int(AT_FIRST * room_bytes / each_bytes)
+        if fitting < 1:
+            raise OutputError(
+                f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
+                f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
+            )
+    kept = _chosen(files, min(fitting, wanted), progress)
+    mpis = {i: files.mpi(i, coding) for i in progress(sorted(kept), "generating")}
+    while sum(map(len, mpis.values())) + len(mpis) * other_bytes > room_bytes and len(mpis) > 1:
+        del mpis[kept.pop()]
+    whole = len(mpis) == len(usable) and coding == WHOLE
+    return Thinned(mpis, None if whole else loss_db(files, mpis, progress))
+
+
+def loss_db(
+    files: RecordedFiles, mpis: Mapping[int, bytes], progress: Progress = lambda numbers, _: numbers
+) -> float | None:
+    """Return what pictures lose in PSNR where they are shown by some views instead of all.
+
+    Each picture is rendered from all other frames, as `.mpi` files hold them, and from the views
+    that are kept; both are compared with the photograph. These are pictures that were not kept;
+    where all were, each is rendered without its own view both times.
+
+    Args:
+        files: Of the recording.
+        mpis: Of the views that are kept, as they are shared, by the number of their frame.
+        progress: Wraps what takes long.
+
+    Returns:
+        dB; None where frames have no depth, so that the others cannot be shown.
+
+    Raises:
+        RecordingError: A frame cannot be read.
+    """
+    frames = _StoredFrames(files.recording, files.options)
+    everything = list(frames.with_depth)
+    if len(everything) < 2 or not set(mpis) <= set(everything):
+        return None
+    left_out = [i for i in everything if i not in mpis]
+    held_out = _evenly(left_out or everything, MOST_SCORED)
+    kept = {i: decode(data) for i, data in mpis.items()}
+    losses_db: list[float] = []
+    for i in progress(held_out, "measuring what is lost"):
+        frame = frames.frame(i)
+        of_all = frames.render([j for j in everything if j != i], frame.camera).rgba
+        views = [mpi for j, mpi in kept.items() if j != i]
+        if views and (frame.mask is None or frame.mask.any()):
+            near = frame.camera.relative_to(files.origin_m)
+            of_kept = LightField(views, files.options).render(near).rgba
+            losses_db.append(_psnr_db(of_all, frame) - _psnr_db(of_kept, frame))
+    return float(np.mean(losses_db)) if losses_db else None
+
+
+class _StoredFrames(RecordedFrames):
+    """Frames whose images went through a file, as all that clients are shown do."""
+
+    def _made(self, index: int) -> Mpi:
+        return decode(WHOLE.encode(super()._made(index)))
+
+
+def _psnr_db(rgba: np.ndarray, frame: Frame) -> float:
+    rgb = np.clip(rgba[..., :3], 0, 1).astype(np.float64)
+    return min(psnr(rgb, frame.rgb / 255.0, frame.mask), MOST_PSNR_DB)
+
+
+def _guessed_bytes(files: RecordedFiles, usable: Sequence[int], coding: Coding) -> float:
+    """Return how large a frame's image is in the mean, from a few."""
+    return float(np.mean([len(files.mpi(i, coding)) for i in _evenly(usable, SAMPLED)]))
+
+
+def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:
+    """Return numbers of frames, the one that is worth least last."""
+    if count == len(files.usable):
+        return list(files.usable)
+    best = choose_best(
+        files.recording,
+        count,
+        options=files.options,
+        progress=lambda numbers: progress(numbers, "choosing views"),
+    )
+    return sorted(best.kept, key=lambda number: -_worth_db(best, number))
+
+
+def _worth_db(best: BestFrames, number: int) -> float:
+    worth_db = best.frames[number].worth_db
+    return 0.0 if worth_db is None else worth_db
+
+
+def _evenly(numbers: Sequence[int], count: int) -> list[int]:
+    places = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round()
+    return sorted({numbers[int(place)] for place in places})
