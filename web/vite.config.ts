@@ -12,7 +12,7 @@ export default defineConfig({
     emptyOutDir: true,
     manifest: true,
     target: 'es2022',
-    chunkSizeWarningLimit: 900,
+    chunkSizeWarningLimit: 3200,
     rollupOptions: {
       input: {
         index: page('index'), check: page('check'), devices: page('devices'),

@@ -46,11 +46,11 @@ FINGER_PX = 44
 
 FAULTS = """least => {
   const shown = Array.from(document.querySelectorAll(
-    '.viewer button, .viewer a, .viewer .title, .viewer .line'))
+    '.viewer button, .viewer a, .viewer .place-title, .viewer .place-line'))
     .filter((each) => each.checkVisibility({ visibilityProperty: true }))
     .map((each) => ({
       each, name: each.ariaLabel ?? (each.textContent.trim() || each.className),
-      box: each.getBoundingClientRect(), strip: each.closest('.strip'),
+      box: each.getBoundingClientRect(), strip: each.closest('.place-strip'),
     }))
     .filter(({ box }) => box.width > 0);
   const faults = [];
@@ -228,8 +228,8 @@ def test_the_overview_leads_to_a_photo(context: BrowserContext, desk: Desk) -> N
     page = opened(context, desk.address)
     page.get_by_role("tab", name="Overview").click()
     page.wait_for_function("() => viewer.inspection.count() > 1000")
-    expect(page.locator(".title")).to_contain_text("5 views")
-    expect(page.locator(".title")).to_contain_text("m high")
+    expect(page.locator(".place-title")).to_contain_text("5 views")
+    expect(page.locator(".place-title")).to_contain_text("m high")
     page.get_by_role("button", name="Photo 3").click()
     wanted = open_recording(DESK).read(VIEWS[2]).camera.position_m.tolist()
     page.wait_for_function(

@@ -4,7 +4,7 @@ import { make } from '../ui/dom';
 import type { PlaceView } from './place';
 
 export class Strip {
-  readonly element = make('nav', { className: 'strip', ariaLabel: 'Photos' });
+  readonly element = make('nav', { className: 'place-strip', ariaLabel: 'Photos' });
   readonly #urlOf: (file: string) => string;
   readonly #onChoose: (view: number) => void;
   #current = -1;

@@ -9,11 +9,11 @@ import type { SessionPlace } from './session_place';
 const LEAST_VIEWS = 3;
 
 export class TrainingPanel {
-  readonly element = make('div', { className: 'training' });
+  readonly element = make('div', { className: 'place-training' });
   readonly #api: Api;
   readonly #place: SessionPlace;
-  readonly #button = make('button', { type: 'button', className: 'train', onclick: () => void this.#press() });
-  readonly #details = make('div', { className: 'details' });
+  readonly #button = make('button', { type: 'button',  onclick: () => void this.#press() });
+  readonly #details = make('div', { className: 'place-details' });
   readonly #bar = make('progress', { max: 1 });
   readonly #says = make('p');
   readonly #worst = make('ul');

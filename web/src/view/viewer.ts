@@ -55,17 +55,17 @@ export class Viewer implements Disposable {
   readonly element: HTMLElement;
   readonly #source: PlaceSource;
   readonly #options: ViewerOptions;
-  readonly #screen = make('div', { className: 'screen', tabIndex: 0 });
-  readonly #border = make('div', { className: 'border' });
-  readonly #poster = make('img', { className: 'poster', alt: '' });
+  readonly #screen = make('div', { className: 'place-screen', tabIndex: 0 });
+  readonly #border = make('div', { className: 'place-border' });
+  readonly #poster = make('img', { className: 'place-poster', alt: '' });
   readonly #title = make('b');
   readonly #facts = make('span', { className: 'quiet' });
-  readonly #tabs = make('div', { className: 'tabs' });
-  readonly #tools = make('div', { className: 'tools' });
-  readonly #status = make('p', { className: 'status' });
+  readonly #tabs = make('div', { className: 'place-tabs' });
+  readonly #tools = make('div', { className: 'place-tools' });
+  readonly #status = make('p', { className: 'place-status' });
   readonly #problem = make('p', { className: 'problem' });
-  readonly #foot = make('div', { className: 'foot' });
-  readonly #help = make('div', { className: 'help', hidden: true });
+  readonly #foot = make('div', { className: 'place-foot' });
+  readonly #help = make('div', { className: 'place-help', hidden: true });
   readonly #strip: Strip;
   readonly #layers = new Map<Shown, Layer>();
   readonly #observer: ResizeObserver;
@@ -96,7 +96,7 @@ export class Viewer implements Disposable {
     this.#foot.append(this.#status, this.#problem, this.#strip.element, this.#tabs);
     element.replaceChildren(
       this.#screen, this.#poster, this.#border,
-      make('div', { className: 'title' }, this.#title, this.#facts), this.#tools,
+      make('div', { className: 'place-title' }, this.#title, this.#facts), this.#tools,
       this.#foot,
       this.#help,
     );
@@ -131,12 +131,12 @@ export class Viewer implements Disposable {
 
   /** A line under it all: a licence. */
   addLine(text: string): void {
-    this.#foot.append(make('p', { className: 'line' }, text));
+    this.#foot.append(make('p', { className: 'place-line' }, text));
   }
 
   /** Where this place is to be found by others: a code to scan. @param qr An address of the picture. */
   addAddress(address: string, qr: string | null): void {
-    const code = make('a', { className: 'address', href: address, title: address });
+    const code = make('a', { className: 'place-address', href: address, title: address });
     if (qr === null) code.append(address);
     else code.append(make('img', { src: qr, alt: `Open ${address} on a phone` }));
     this.element.append(code);
@@ -318,19 +318,19 @@ export class Viewer implements Disposable {
     this.#tools.dataset['drawn'] = key;
     const tools: HTMLElement[] = [];
     if (this.#shown === 'place') {
-      tools.push(button('tool', '⌂', 'See all of it', () => {
+      tools.push(button('', '⌂', 'See all of it', () => {
         this.#space('place')?.overview();
         this.#wake();
       }));
       if (this.#source.place.points.length > 1) tools.push(this.#coverageTool());
     }
     if (this.#shown === 'light-field' && Tilt.mayWork) tools.push(this.#tiltTool());
-    if (this.#options.compact !== true) tools.push(button('tool', '?', 'Help', () => this.#showHelp(!this.#helpShown)));
+    if (this.#options.compact !== true) tools.push(button('', '?', 'Help', () => this.#showHelp(!this.#helpShown)));
     this.#tools.replaceChildren(...tools, ...this.#options.more ?? []);
   }
 
   #coverageTool(): HTMLElement {
-    const tool = button('tool wide', 'Coverage', 'Colour what one view sees amber, what three or more see green', () => {
+    const tool = button('', 'Coverage', 'Colour what one view sees amber, what three or more see green', () => {
       this.#coverage = !this.#coverage;
       tool.setAttribute('aria-pressed', String(this.#coverage));
       const layer = this.#space('place');
@@ -341,7 +341,7 @@ export class Viewer implements Disposable {
   }
 
   #tiltTool(): HTMLElement {
-    const tool = button('tool wide', 'Tilt', 'Tilt the phone to look around the corner', () => {
+    const tool = button('', 'Tilt', 'Tilt the phone to look around the corner', () => {
       const tilt = this.#lightField?.tilt;
       if (tilt === undefined) return;
       if (tilt.on) {
