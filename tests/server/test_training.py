@@ -16,26 +16,24 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from capture_uploads import SESSION_ID, body_of, capture_id, header, new_session
+from capture_uploads import SESSION_ID, capture_id, new_session
+from desk_uploads import DESK, HEIGHT_PX, WIDTH_PX, upload_of_desk
 from patience import PATIENCE_S
 from peaking.datasets import open_recording
 from peaking.export.splats import read_splats
 from peaking.metrics.psnr_ssim import psnr
 from peaking.options import DEFAULT
-from peaking.output import depth_mm, encode_jpeg
 from peaking.server.app import ServerOptions, create_app
 from peaking.server.sessions import SessionStore
 from peaking.server.training_process import suggestion_of
 from peaking.splat.rasterise import render
 
-DESK = Path(__file__).parents[2] / "scenes" / "desk"
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
 OTHER = f"/api/v1/sessions/{UUID(int=77)}"
 SMALL = replace(DEFAULT, pixels=4096, num_planes=8)
 VIEWS = 9
 ENOUGH, LONG = 60, 100_000
 """Steps that are soon done, and steps that nobody waits for."""
-WIDTH_PX, HEIGHT_PX = 88, 192
 
 
 @contextmanager
@@ -44,27 +42,6 @@ def server_of(folder: Path, steps: int = ENOUGH) -> Generator[TestClient]:
     app = create_app(store=SessionStore(folder / "sessions"), config=config)
     with TestClient(app, base_url="http://localhost") as client:
         yield client
-
-
-def upload_of_desk(index: int) -> bytes:
-    """Return a frame of the desk as a phone would send it, small."""
-    frame = open_recording(DESK).read(index).resized(WIDTH_PX, HEIGHT_PX)
-    assert frame.depth_m is not None
-    photo = encode_jpeg(frame.rgb)
-    depth = depth_mm(frame.depth_m)
-    k, rows = frame.camera.pinhole, frame.camera.world_from_cam.matrix()[:3]
-    fields = header(
-        photo_bytes=len(photo),
-        camera={
-            "pinhole": {
-                "width_px": k.width_px, "height_px": k.height_px, "fx_px": k.fx_px,
-                "fy_px": k.fy_px, "cx_px": k.cx_px, "cy_px": k.cy_px,
-            },
-            "world_from_cam": rows.reshape(-1).tolist(),
-        },
-        depth={"width_px": depth.shape[1], "height_px": depth.shape[0]},
-    )  # fmt: skip
-    return body_of(fields, photo + depth.astype("<u2").tobytes())
 
 
 def fill(client: TestClient, session: str = SESSION, count: int = VIEWS) -> None:

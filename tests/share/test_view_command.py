@@ -60,7 +60,7 @@ def client(tmp_path: Path) -> Path:
 def test_the_page_its_parts_and_files_made_when_asked_for(client: Path, tmp_path: Path) -> None:
     room = write_recording(tmp_path / "room", num_frames=3, width_px=160, height_px=120)
     files = RecordedFiles(open_recording(room), replace(DEFAULT, pixels=19200))
-    before = {path for path in tmp_path.rglob("*")}
+    before = set(tmp_path.rglob("*"))
     with served(recorded_place(files, whole_contents(files)), client) as server:
         status, kind, body = get(server, "/")
         assert (status, kind) == (200, "text/html; charset=utf-8")
@@ -73,7 +73,7 @@ def test_the_page_its_parts_and_files_made_when_asked_for(client: Path, tmp_path
         assert len(get(server, "/points.bin")[2]) % 15 == 0
         status, _, body = get(server, f"/{view['mpi']}", method="HEAD")
         assert (status, body) == (200, b"")
-    assert {path for path in tmp_path.rglob("*")} == before
+    assert set(tmp_path.rglob("*")) == before
 
 
 def a_place(**files: object) -> SharedPlace:
