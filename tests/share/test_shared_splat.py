@@ -14,7 +14,7 @@ from peaking.export.splats import read_splats, upright, write_splats
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.options import DEFAULT
-from peaking.share.file_place import splat_place
+from peaking.share.file_place import place_of_splats
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.splat import (
     contributions,
@@ -142,7 +142,7 @@ def test_a_file_alone_is_looked_at_upright_from_the_front(
     path = tmp_path / f"room{ending}"
     write_splats(path, upright(gaussians, "-y", path))
     read = read_splats(path)
-    shared, kept = splat_place(path, read)
+    shared, kept = place_of_splats(path, read)
     assert kept == len(gaussians)
     (view,) = shared.place.views
     up = shared.place.up

@@ -13,7 +13,7 @@ import pytest
 
 from peaking.errors import ToolMissing
 from peaking.share.place import Place, PlaceView, SharedPlace
-from peaking.share.single_file import packed_bytes, single_file
+from peaking.share.single_file import packed_bytes, page_with_place
 from peaking.share.writing import room_for
 from recordings import lateral_cameras
 from stub_client import write_client
@@ -56,7 +56,7 @@ def a_place(splat: str | None = None) -> Place:
 
 
 def test_nothing_is_fetched(client: Path) -> None:
-    for tag, attributes, _ in elements(single_file(a_place(), {}, client)):
+    for tag, attributes, _ in elements(page_with_place(a_place(), {}, client)):
         assert "src" not in attributes
         assert tag != "link"
         assert attributes.get("type") in (None, "application/json", "text/plain")
@@ -64,21 +64,21 @@ def test_nothing_is_fetched(client: Path) -> None:
 
 def test_what_is_inside_is_what_was_put_there(client: Path) -> None:
     data = np.random.default_rng(0).integers(0, 256, 1001, np.uint8).tobytes()
-    page = single_file(a_place(), {"mpis/0.mpi": data, "poster.jpg": b""}, client)
+    page = page_with_place(a_place(), {"mpis/0.mpi": data, "poster.jpg": b""}, client)
     inlined = {a["data-file"]: text for _, a, text in elements(page) if "data-file" in a}
     assert base64.b64decode(inlined["mpis/0.mpi"]) == data
     assert base64.b64decode(inlined["poster.jpg"]) == b""
 
 
 def test_the_place_is_read_back_whatever_it_is_called(client: Path) -> None:
-    found = elements(single_file(a_place(), {}, client))
+    found = elements(page_with_place(a_place(), {}, client))
     (text,) = (text for _, attributes, text in found if attributes.get("id") == "place")
     assert json.loads(text) == json.loads(a_place().to_json())
-    assert [text for tag, _, text in found if tag == "title"] == [TITLE]
+    assert [text.strip() for tag, _, text in found if tag == "title"] == [TITLE]
 
 
 def test_the_script_comes_last_and_does_not_end_early(client: Path) -> None:
-    found = elements(single_file(a_place(), {}, client))
+    found = elements(page_with_place(a_place(), {}, client))
     tag, attributes, text = found[-1]
     assert (tag, attributes) == ("script", {})
     assert r"'\x3c/script>'; show(end);" in text
@@ -86,12 +86,12 @@ def test_the_script_comes_last_and_does_not_end_early(client: Path) -> None:
 
 
 def test_gaussians_need_the_large_viewer(client: Path) -> None:
-    assert b"showAll" not in single_file(a_place(), {}, client)
-    assert b"showAll" in single_file(a_place("splat.ply"), {}, client)
+    assert b"showAll" not in page_with_place(a_place(), {}, client)
+    assert b"showAll" in page_with_place(a_place("splat.ply"), {}, client)
 
 
 def test_all_styles_are_inside(client: Path) -> None:
-    style = re.search(rb"<style>(.*?)</style>", single_file(a_place(), {}, client), re.DOTALL)
+    style = re.search(rb"<style>(.*?)</style>", page_with_place(a_place(), {}, client), re.DOTALL)
     assert style is not None
     assert b"body { margin: 0 }" in style[1]
     assert b".strip" in style[1]
@@ -100,13 +100,13 @@ def test_all_styles_are_inside(client: Path) -> None:
 def test_the_room_that_is_promised_is_there(client: Path, tmp_path: Path) -> None:
     """What fits into it does not make the page larger than was allowed."""
     room = room_for(SharedPlace(a_place()), tmp_path / "a.html", 100_000, client)
-    page = single_file(a_place(), {"mpis/0.mpi": bytes(room - 100)}, client)
+    page = page_with_place(a_place(), {"mpis/0.mpi": bytes(room - 100)}, client)
     assert 99_000 < len(page) <= 100_000
-    bare = single_file(a_place(), {}, client)
-    page = single_file(a_place(), {"photos/00000.jpg": bytes(1000)}, client)
+    bare = page_with_place(a_place(), {}, client)
+    page = page_with_place(a_place(), {"photos/00000.jpg": bytes(1000)}, client)
     assert len(page) - len(bare) == packed_bytes(1000)
 
 
 def test_a_client_that_is_not_built_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(ToolMissing, match="run: make client"):
-        single_file(a_place(), {}, tmp_path)
+        page_with_place(a_place(), {}, tmp_path)

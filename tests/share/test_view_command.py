@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from peaking.server.serving import bind
 from peaking.share.place import Place, PlaceView, SharedPlace
 from peaking.share.place_server import PlaceServer
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import MOST_VIEWS, recorded_place, whole_contents
+from peaking.share.recorded_place import MOST_VIEWS, place_of_recording, whole_contents
 from recordings import lateral_cameras, write_recording
 from stub_client import PAGE, write_client
 
@@ -61,7 +61,7 @@ def test_the_page_its_parts_and_files_made_when_asked_for(client: Path, tmp_path
     room = write_recording(tmp_path / "room", num_frames=3, width_px=160, height_px=120)
     files = RecordedFiles(open_recording(room), replace(DEFAULT, pixels=19200))
     before = set(tmp_path.rglob("*"))
-    with served(recorded_place(files, whole_contents(files)), client) as server:
+    with served(place_of_recording(files, whole_contents(files)), client) as server:
         status, kind, body = get(server, "/")
         assert (status, kind) == (200, "text/html; charset=utf-8")
         assert body.decode() == PAGE.replace("<title>peaking", "<title>room")
@@ -76,14 +76,14 @@ def test_the_page_its_parts_and_files_made_when_asked_for(client: Path, tmp_path
     assert set(tmp_path.rglob("*")) == before
 
 
-def a_place(**files: object) -> SharedPlace:
+def a_place(**files: Callable[[], bytes]) -> SharedPlace:
     (camera,) = lateral_cameras(1, 64, 48)
-    return SharedPlace(Place("a", "place", [PlaceView("a", camera)]), files)  # type: ignore[arg-type]
+    return SharedPlace(Place("a", "place", [PlaceView("a", camera)]), files)
 
 
 def test_only_what_a_place_names_is_there(client: Path) -> None:
     with served(a_place(), client) as server:
-        for path in ("/nothing", "/../client/view.html", "/%2e%2e/view.html", "/assets/", "//"):
+        for path in ("/nothing", "/../client/view.html", "/%2e%2e/view.html", "/assets/"):
             status, kind, body = get(server, path)
             assert (status, kind) == (404, "application/problem+json")
             assert json.loads(body)["detail"] == "There is nothing at this address."
@@ -91,7 +91,12 @@ def test_only_what_a_place_names_is_there(client: Path) -> None:
 
 def test_other_names_of_this_machine_are_refused(client: Path) -> None:
     with served(a_place(), client) as server:
-        for host in ("evil.example", f"evil.example:{server.port}", "localhost.evil:80"):
+        for host in (
+            "evil.example",
+            f"evil.example:{server.port}",
+            "localhost.evil:80",
+            "[::1",
+        ):
             assert get(server, "/place.json", host=host)[0] == 403
         assert get(server, "/place.json", host=f"127.0.0.1:{server.port}")[0] == 200
         assert get(server, "/place.json", host="localhost")[0] == 200
@@ -129,7 +134,7 @@ def test_long_recordings_show_some_of_their_frames(tmp_path: Path) -> None:
 def test_without_depth_cameras_and_photographs_are_shown(tmp_path: Path) -> None:
     flat = write_recording(tmp_path / "flat", num_frames=3, with_depth=False)
     files = RecordedFiles(open_recording(flat), DEFAULT)
-    place = recorded_place(files, whole_contents(files)).place
+    place = place_of_recording(files, whole_contents(files)).place
     assert (place.shown, place.options, place.points) == ("place", None, None)
     assert [view.mpi for view in place.views] == [None] * 3
 

@@ -113,11 +113,11 @@ class Share:
 
     def _shared(self) -> tuple[SharedPlace, Figures]:
         from peaking.export.splats import is_splat_file
-        from peaking.share.file_place import mpi_place
+        from peaking.share.file_place import place_of_mpi
         from peaking.share.recorded_share import Figures
 
         if self.scene.suffix.lower() == ".mpi":
-            return mpi_place(self.scene), Figures(views=1, of_views=1)
+            return place_of_mpi(self.scene), Figures(views=1, of_views=1)
         if is_splat_file(self.scene):
             return self._of_gaussians()
         return self._of_recording()
@@ -125,14 +125,14 @@ class Share:
     def _of_gaussians(self) -> tuple[SharedPlace, Figures]:
         from peaking.export.splats import read_splats
         from peaking.server.serving import CLIENT_DIR
-        from peaking.share.file_place import splat_place
+        from peaking.share.file_place import place_of_splats
         from peaking.share.recorded_share import RESERVE_BYTES, Figures
         from peaking.share.writing import room_for
 
         gaussians = read_splats(self.scene)
-        bare = replace(splat_place(self.scene, gaussians)[0], files={})
+        bare = replace(place_of_splats(self.scene, gaussians)[0], files={})
         room = room_for(bare, self.out, int(self.max_mb * MB), CLIENT_DIR) - RESERVE_BYTES
-        shared, kept = splat_place(self.scene, gaussians, room)
+        shared, kept = place_of_splats(self.scene, gaussians, room)
         return shared, Figures(gaussians=kept, of_gaussians=len(gaussians))
 
     def _of_recording(self) -> tuple[SharedPlace, Figures]:

@@ -62,15 +62,15 @@ class View:
 
     def _place(self) -> SharedPlace:
         from peaking.export.splats import is_splat_file, read_splats
-        from peaking.share.file_place import mpi_place, splat_place
+        from peaking.share.file_place import place_of_mpi, place_of_splats
         from peaking.share.recorded_files import RecordedFiles
-        from peaking.share.recorded_place import recorded_place, whole_contents
+        from peaking.share.recorded_place import place_of_recording, whole_contents
 
         if self.path.suffix.lower() == ".mpi":
-            return mpi_place(self.path)
+            return place_of_mpi(self.path)
         if is_splat_file(self.path):
-            return splat_place(self.path, read_splats(self.path))[0]
+            return place_of_splats(self.path, read_splats(self.path))[0]
         with checked_arguments():
             options = self.method.options()
         files = RecordedFiles(self.reading.open(self.path), options)
-        return recorded_place(files, whole_contents(files))
+        return place_of_recording(files, whole_contents(files))

@@ -28,7 +28,7 @@ AWAY = 2.2
 """Times as far from the middle as those are."""
 
 
-def mpi_place(path: Path) -> SharedPlace:
+def place_of_mpi(path: Path) -> SharedPlace:
     """Return the place of a multi-plane image.
 
     Raises:
@@ -56,7 +56,7 @@ def mpi_place(path: Path) -> SharedPlace:
     return SharedPlace(place, files)
 
 
-def splat_place(
+def place_of_splats(
     path: Path, gaussians: Gaussians, room_bytes: int | None = None
 ) -> tuple[SharedPlace, int]:
     """Return the place of a file of Gaussians, and how many are in it.

@@ -19,7 +19,7 @@ from peaking.share import viewer_files
 from peaking.share.place import SharedPlace
 from peaking.share.single_file import with_title
 
-HOSTS = frozenset({"localhost", "127.0.0.1", "[::1]"})
+HOSTS = frozenset({"localhost", "127.0.0.1", "::1"})
 """Names of this machine: pages elsewhere that have themselves called otherwise get nothing."""
 _TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -98,7 +98,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer with a file."""
         server = cast("PlaceServer", self.server)
-        if self.headers.get("Host", "").rpartition(":")[0] not in HOSTS:
+        if _host(self.headers.get("Host", "")) not in HOSTS:
             self._refuse(403, "This address is not one of this machine.")
             return
         make = server.files.get(unquote(urlsplit(self.path).path).removeprefix("/"))
@@ -134,3 +134,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         if self.command != "HEAD":
             self.wfile.write(data)
+
+
+def _host(header: str) -> str | None:
+    """Return the name in a Host header, without its port."""
+    try:
+        return urlsplit(f"//{header}").hostname
+    except ValueError:
+        return None

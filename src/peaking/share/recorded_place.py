@@ -47,7 +47,7 @@ def whole_contents(files: RecordedFiles) -> Contents:
     return Contents(indices, {i: partial(files.mpi, i) for i in indices if i in usable})
 
 
-def recorded_place(files: RecordedFiles, contents: Contents) -> SharedPlace:
+def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
     """Return the place of a recording."""
     made: dict[str, Maker] = {}
 

@@ -11,7 +11,7 @@ from typing import Literal
 from peaking.share import splat as splats
 from peaking.share.place import SharedPlace
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import Contents, evenly, recorded_place
+from peaking.share.recorded_place import Contents, evenly, place_of_recording
 from peaking.share.thinning import Progress, thin
 from peaking.share.writing import room_for
 from peaking.splat.options import SplatOptions
@@ -93,7 +93,7 @@ def share_recording(
         PeakingError: A frame or the file of Gaussians cannot be read, or the client is not built.
     """
     contents, figures = _bare(files, wanted.kind), Figures()
-    bare = recorded_place(files, contents)
+    bare = place_of_recording(files, contents)
     room = room_for(bare, wanted.out, wanted.max_bytes, wanted.client_dir) - RESERVE_BYTES
     if wanted.kind != "light-field":
         of_room = 1.0 if wanted.kind == "splat" else GAUSSIANS_SHARE
@@ -103,7 +103,7 @@ def share_recording(
         contents = replace(contents, splat=splat, loss_db=figures.splat_loss_db)
     if wanted.kind != "splat":
         contents, figures = _light_field(files, wanted, room, (contents, figures), progress)
-    return recorded_place(files, contents), figures
+    return place_of_recording(files, contents), figures
 
 
 def _bare(files: RecordedFiles, kind: Kind) -> Contents:

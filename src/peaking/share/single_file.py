@@ -22,7 +22,7 @@ _TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
 _END_OF_SCRIPT = re.compile(r"<(/script|!--|script)", re.IGNORECASE)
 
 
-def single_file(place: Place, files: Mapping[str, bytes], client_dir: Path) -> bytes:
+def page_with_place(place: Place, files: Mapping[str, bytes], client_dir: Path) -> bytes:
     """Return the page.
 
     Args:

@@ -11,7 +11,7 @@ from peaking.errors import OutputError
 from peaking.output import check_folder, complete_or_absent, write_atomically
 from peaking.share import viewer_files
 from peaking.share.place import FORMAT, QR_FILE, SharedPlace
-from peaking.share.single_file import packed_bytes, single_file, with_title
+from peaking.share.single_file import packed_bytes, page_with_place, with_title
 
 PLACE_FILE, PAGE_FILE = "place.json", "index.html"
 _OURS = frozenset(
@@ -52,7 +52,7 @@ def room_for(shared: SharedPlace, out: Path, max_bytes: int, client_dir: Path) -
     """
     sizes = [len(make()) for make in shared.files.values()]
     if is_single(out):
-        bare = single_file(shared.place, {}, client_dir)
+        bare = page_with_place(shared.place, {}, client_dir)
         return (max_bytes - len(bare) - sum(map(packed_bytes, sizes))) * 3 // 4
     viewer = _viewer(shared, client_dir).values()
     return max_bytes - sum(map(len, viewer)) - len(shared.place.to_json()) - sum(sizes)
@@ -81,7 +81,7 @@ def write_place(
     names = list(shared.files) if progress is None else progress
     files = {name: shared.files[name]() for name in names}
     if is_single(out):
-        data = single_file(shared.place, files, client_dir)
+        data = page_with_place(shared.place, files, client_dir)
         write_atomically(out, data)
         return len(data)
     whole = {PLACE_FILE: shared.place.to_json(), **files, **_viewer(shared, client_dir)}
