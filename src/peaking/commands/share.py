@@ -63,6 +63,8 @@ class Share:
     """A line under the picture: who may do what with it."""
     address: str | None = None
     """Where it will be found (https://…): shown as a QR code, on the page and here."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Share also what links lead to from outside the recording."""
     json: Path | None = None
     """Also write the sizes and the losses to this file, as JSON."""
     reading: SceneOptions = field(default_factory=SceneOptions)
@@ -144,7 +146,7 @@ class Share:
 
         with checked_arguments():
             options = self.method.options()
-        files = RecordedFiles(self.reading.open(self.scene), options)
+        files = RecordedFiles(self.reading.open(self.scene, confined=not self.follow_links), options)
         if self.kind != "splat" and not files.usable:
             raise ArgumentError(
                 f"{self.scene}: has no depth, which a light field needs; take --as splat, or have "
@@ -170,6 +172,8 @@ def _said(figures: Figures) -> list[str]:
     said: list[str] = []
     if figures.views is not None:
         lost = _lost(figures.light_field_loss_db, "held-out pictures")
+        if figures.light_field_loss_db is None and figures.views != figures.of_views:
+            lost = "; what that costs is not known without measured depth"
         said.append(f"light field: {figures.views} of {figures.of_views} views{lost}")
     if figures.gaussians is not None:
         lost = _lost(figures.splat_loss_db, "the pictures")

@@ -36,6 +36,8 @@ class View:
     file, or 3D Gaussians: .ply, .spz, .glb, .gltf."""
     port: int = 8000
     """Port to listen on, or the next free one; 0: any free port."""
+    follow_links: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show also what links lead to from outside the recording."""
     no_open: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Do not open the browser."""
     reading: SceneOptions = field(default_factory=SceneOptions)
@@ -72,5 +74,5 @@ class View:
             return place_of_splats(self.path, read_splats(self.path))[0]
         with checked_arguments():
             options = self.method.options()
-        files = RecordedFiles(self.reading.open(self.path), options)
+        files = RecordedFiles(self.reading.open(self.path, confined=not self.follow_links), options)
         return place_of_recording(files, whole_contents(files))
