@@ -18,7 +18,7 @@ from peaking.geometry import Camera, near_origin_m
 
 FOLDERS = ("images", "images_2", "images_4", "images_8", "input", "")
 """Where pictures lie beside a file of cameras, the largest first; "" is the folder itself."""
-ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".heic", ".bmp")
+ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif")
 _MASKS = "masks"
 
 
