@@ -1,6 +1,6 @@
 """A folder of photos: poses from COLMAP; focal length, and the turn of each, from EXIF.
 
-A folder without photos of its own is one too, where its folders hold nothing else, as a camera's do.
+A folder without photos of its own is one too, where its folders hold nothing else, as a camera has.
 """
 
 from __future__ import annotations
