@@ -198,6 +198,20 @@ def test_what_is_no_scene_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     assert "none" in fails(["share", str(tmp_path / "none"), *out], capsys)
 
 
+def test_links_that_leave_the_recording_are_followed_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room = write_recording(tmp_path / "room", num_frames=3)
+    inside, outside = room / "images/frame_00001.png", tmp_path / "secret.png"
+    inside.rename(outside)
+    inside.symlink_to(outside)
+    share = ["share", str(room), "--out", str(tmp_path / "shared"), *FLAGS]
+    assert "link" in fails(share, capsys)
+    assert not (tmp_path / "shared").exists()
+    main([*share, "--follow-links"])
+    assert (tmp_path / "shared/mpis/00001.mpi").is_file()
+
+
 def test_without_depth_there_is_no_light_field(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -112,6 +112,25 @@ def test_a_file_that_cannot_be_made_is_a_sentence(client: Path) -> None:
         assert json.loads(body)["detail"] == "frame_3: cannot be read; take it again"
 
 
+def test_the_first_image_is_made_before_it_is_asked_for(client: Path) -> None:
+    made, broke = threading.Event(), threading.Event()
+
+    def make() -> bytes:
+        made.set()
+        return b"abc"
+
+    def broken() -> bytes:
+        broke.set()
+        raise MpiFileError("frame_3: cannot be read; take it again")
+
+    for event, maker in ((made, make), (broke, broken)):
+        (camera,) = lateral_cameras(1, 64, 48)
+        place = Place("a", "light-field", [PlaceView("a", camera, mpi="a.mpi")])
+        with served(SharedPlace(place, {"a.mpi": maker}), client) as server:
+            server.warm_up()
+            assert event.wait(60)
+
+
 def test_a_file_is_made_once(client: Path) -> None:
     made: list[int] = []
 

@@ -146,7 +146,8 @@ class Share:
 
         with checked_arguments():
             options = self.method.options()
-        files = RecordedFiles(self.reading.open(self.scene, confined=not self.follow_links), options)
+        recording = self.reading.open(self.scene, confined=not self.follow_links)
+        files = RecordedFiles(recording, options)
         if self.kind != "splat" and not files.usable:
             raise ArgumentError(
                 f"{self.scene}: has no depth, which a light field needs; take --as splat, or have "

@@ -57,6 +57,7 @@ class View:
         with PlaceServer(bind("127.0.0.1", self.port), shared, CLIENT_DIR) as server:
             address = f"http://localhost:{server.port}/"
             say(f"{shared.place.title}: {address}", "Stop with Ctrl-C.")
+            server.warm_up()
             if not self.no_open:
                 webbrowser.open(address)
             with contextlib.suppress(KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import mimetypes
 import socket
@@ -48,11 +49,24 @@ class PlaceServer(ThreadingHTTPServer):
         self.socket.close()
         self.socket = listener
         self.files = files_of(shared, client_dir)
+        self._first = shared.place.views[shared.place.start].mpi
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of browsers that went away, and all of what is a fault here."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
+
+    def warm_up(self) -> None:
+        """Make the image that is looked at first, beside what else is done.
+
+        The first one takes longest: compiled code is loaded with it.
+        """
+        if self._first is not None:
+            threading.Thread(target=self._make_quietly, args=[self._first], daemon=True).start()
+
+    def _make_quietly(self, name: str) -> None:
+        with contextlib.suppress(PeakingError):  # it is told to whoever asks
+            self.files[name]()
 
     @property
     def port(self) -> int:

@@ -17,6 +17,7 @@ from peaking.options import Options
 from peaking.share import pictures
 from peaking.share.compact_mpi import WHOLE, Coding
 from peaking.share.points import encode_points, seen_points
+from peaking.share.sampling import evenly
 from peaking.view_builder import ViewBuilder
 
 FRAMES_OF_POINTS = 24
@@ -103,8 +104,7 @@ class RecordedFiles:
         Raises:
             RecordingError: A frame cannot be read.
         """
-        some = np.linspace(0, len(indices) - 1, min(len(indices), FRAMES_OF_POINTS))
-        chosen = sorted({indices[int(place)] for place in some.round()})
+        chosen = evenly(indices, FRAMES_OF_POINTS)
         return encode_points(seen_points(self.recording.read(i) for i in chosen), self.origin_m)
 
     def small_frame(self, index: int, pixels: int) -> Frame:

@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import msgspec
-import numpy as np
 
 from peaking.options import Options
 from peaking.server.wire import options_for_clients
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of, up_of
 from peaking.share.recorded_files import RecordedFiles
+from peaking.share.sampling import evenly
 
 MOST_VIEWS = 120
 """Of a recording that is looked at as it is."""
+WITHOUT_SCALE = frozenset({"video", "photos"})
+"""Formats of which poses and depth are found from pictures alone."""
 POINTS_FILE = "points.bin"
 
 Maker = Callable[[], bytes]
@@ -78,7 +80,7 @@ def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
         shown="light-field" if contents.mpis else "splat" if contents.splat else "place",
         views=views,
         up=up_of(cameras),
-        metric=any(files.recording.has_depth),
+        metric=any(files.recording.has_depth) and files.recording.format not in WITHOUT_SCALE,
         points=points,
         splat=None if contents.splat is None else named(*contents.splat),
         options=client_options(files.options) if contents.mpis else None,
@@ -92,9 +94,3 @@ def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
 def client_options(options: Options) -> dict[str, object]:
     """Return the options as clients are told of them."""
     return msgspec.to_builtins(options_for_clients(options))
-
-
-def evenly(numbers: Sequence[int], count: int) -> list[int]:
-    """Return at most so many numbers of a sequence, from its first to its last."""
-    places = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round()
-    return sorted({numbers[int(place)] for place in places})

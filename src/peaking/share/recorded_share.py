@@ -11,7 +11,8 @@ from typing import Literal
 from peaking.share import splat as splats
 from peaking.share.place import SharedPlace
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import Contents, evenly, place_of_recording
+from peaking.share.recorded_place import Contents, place_of_recording
+from peaking.share.sampling import evenly
 from peaking.share.thinning import Progress, thin
 from peaking.share.writing import room_for
 from peaking.splat.options import SplatOptions

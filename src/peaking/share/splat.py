@@ -18,6 +18,7 @@ from peaking.frame import Frame
 from peaking.geometry import Camera
 from peaking.metrics.psnr_ssim import psnr
 from peaking.share.recorded_files import RecordedFiles
+from peaking.share.sampling import evenly
 from peaking.splat.columns import SH0, SH0_R
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.initialisation import MIN_POINTS, surface_points
@@ -116,7 +117,7 @@ def read_in_world(
     if up is not None:
         candidates.append(turned(gaussians, _upright_from_world(up, form).T))
     placed = [_counted_from(one, origin_m) for one in candidates]
-    some = _evenly(frames, 4)
+    some = evenly(frames, 4)
     return max(placed, key=lambda one: mean_psnr_db(one, some))
 
 
@@ -172,7 +173,7 @@ def fitted(
 
 def loss_db(whole: Gaussians, shared: Gaussians, frames: Sequence[Frame]) -> float:
     """Return what pictures lose in PSNR where they are rendered from what is shared."""
-    some = _evenly(frames, MOST_SCORED)
+    some = evenly(frames, MOST_SCORED)
     return mean_psnr_db(whole, some) - mean_psnr_db(shared, some)
 
 
@@ -219,8 +220,3 @@ def _counted_from(gaussians: Gaussians, origin_m: Float64[np.ndarray, "3"]) -> G
     away_m = gaussians.origin_m - origin_m if gaussians.origin_m.any() else np.zeros(3)
     means_m = (gaussians.means_m.astype(np.float64) + away_m).astype(np.float32)
     return replace(gaussians, means_m=means_m, origin_m=np.zeros(3))
-
-
-def _evenly(frames: Sequence[Frame], count: int) -> list[Frame]:
-    places = np.linspace(0, len(frames) - 1, min(count, len(frames))).round()
-    return [frames[int(place)] for place in places]

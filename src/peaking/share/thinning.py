@@ -17,6 +17,7 @@ from peaking.mpi_file import decode
 from peaking.selection.recorded_frames import RecordedFrames
 from peaking.share.compact_mpi import COMPACT, WHOLE, Coding
 from peaking.share.recorded_files import RecordedFiles
+from peaking.share.sampling import evenly
 
 Progress = Callable[[Sequence[int], str], Iterable[int]]
 """Wraps the numbers of frames; the text says what is done with them."""
@@ -117,7 +118,7 @@ def loss_db(
     if len(everything) < 2 or not set(mpis) <= set(everything):
         return None
     left_out = [i for i in everything if i not in mpis]
-    held_out = _evenly(left_out or everything, MOST_SCORED)
+    held_out = evenly(left_out or everything, MOST_SCORED)
     kept = {i: decode(data) for i, data in mpis.items()}
     losses_db: list[float] = []
     for i in progress(held_out, "measuring what is lost"):
@@ -145,7 +146,7 @@ def _psnr_db(rgba: np.ndarray, frame: Frame) -> float:
 
 def _guessed_bytes(files: RecordedFiles, usable: Sequence[int], coding: Coding) -> float:
     """Return how large a frame's image is in the mean, from a few."""
-    return float(np.mean([len(files.mpi(i, coding)) for i in _evenly(usable, SAMPLED)]))
+    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(usable, SAMPLED)]))
 
 
 def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:
@@ -164,8 +165,3 @@ def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:
 def _worth_db(best: BestFrames, number: int) -> float:
     worth_db = best.frames[number].worth_db
     return 0.0 if worth_db is None else worth_db
-
-
-def _evenly(numbers: Sequence[int], count: int) -> list[int]:
-    places = np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round()
-    return sorted({numbers[int(place)] for place in places})
