@@ -111,7 +111,12 @@ export class WalkControls {
     for (let axis = 0; axis < 5; axis += 1) this.#speeds[axis] = this.#towards(axis, keep);
     const step_m = (this.#options.walk_m_per_s * step_ms) / 1000;
     const step_rad = (TURN_RAD_PER_S * step_ms) / 1000;
-    const [right = 0, up = 0, ahead = 0, left = 0, pitch = 0] = this.#speeds;
+    // Taken apart one by one: at every frame nothing is made.
+    const right = this.#speeds[0] ?? 0;
+    const up = this.#speeds[1] ?? 0;
+    const ahead = this.#speeds[2] ?? 0;
+    const left = this.#speeds[3] ?? 0;
+    const pitch = this.#speeds[4] ?? 0;
     if (right !== 0 || up !== 0 || ahead !== 0) this.#walker.walk(right * step_m, up * step_m, ahead * step_m);
     if (left !== 0 || pitch !== 0) this.#walker.turn(left * step_rad, pitch * step_rad);
   }

@@ -97,9 +97,7 @@ export class FreeCamera implements Walker {
 
   /** Write the camera for a screen of this size, which shows about what `seen` shows. */
   update(width_px: number, height_px: number, seen: Pinhole): Camera {
-    const contain = Math.min(width_px / seen.width_px, height_px / seen.height_px);
-    const cover = Math.max(width_px / seen.width_px, height_px / seen.height_px);
-    const scale = Math.min(cover, MOST_CROPPED * contain);
+    const scale = scaleFor(width_px, height_px, seen, true);
     const k = this.#pinhole;
     k.width_px = width_px;
     k.height_px = height_px;
@@ -117,7 +115,8 @@ export class FreeCamera implements Walker {
     const c = Math.cos(this.#yaw_rad);
     const sp = Math.sin(this.#pitch_rad);
     const cp = Math.cos(this.#pitch_rad);
-    const [leanRight = 0, leanUp = 0] = this.#lean;
+    const leanRight = this.#lean[0] ?? 0;
+    const leanUp = this.#lean[1] ?? 0;
     for (let axis = 0; axis < 3; axis += 1) {
       const ahead = this.#ahead[axis] ?? 0;
       const aside = this.#right[axis] ?? 0;
@@ -131,6 +130,20 @@ export class FreeCamera implements Walker {
       m[4 * axis + 3] = (this.#position[axis] ?? 0) + leanRight * right - leanUp * down;
     }
   }
+}
+
+/**
+ * Pixels of a screen per pixel of a picture.
+ *
+ * @param fills It fills the screen, though not all of it is seen then; else all of it is.
+ */
+export function scaleFor(
+  width_px: number, height_px: number, seen: Pinhole, fills: boolean,
+): number {
+  const across = width_px / seen.width_px;
+  const down = height_px / seen.height_px;
+  const contain = Math.min(across, down);
+  return fills ? Math.min(Math.max(across, down), MOST_CROPPED * contain) : contain;
 }
 
 /** Between two stands, the shorter way round; `share` 0…1. */

@@ -2,6 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Group, Points, PointsMaterial } from 'three';
 import type { Vector3 } from '../geometry';
+import type { Axes, Extent, Span } from './floor';
 
 const BYTES_PER_POINT = 15;
 /** So many files are fetched at the same time. */
@@ -73,11 +74,11 @@ export class PointSets implements Disposable {
   }
 
   /** From the 2nd to the 98th percentile along three axes; null while there are too few. */
-  extent(axes: readonly [Vector3, Vector3, Vector3]): readonly (readonly [low: number, high: number])[] | null {
+  extent(axes: Axes): Extent | null {
     const sets = this.#here();
     if (this.count < 50) return null;
     const every = Math.max(1, Math.floor(this.count / 20_000));
-    return axes.map(([x, y, z]) => {
+    const span = ([x, y, z]: Vector3): Span => {
       const along: number[] = [];
       for (const { xyz } of sets) {
         for (let i = 0; i < xyz.length; i += 3 * every) {
@@ -86,8 +87,9 @@ export class PointSets implements Disposable {
       }
       along.sort((a, b) => a - b);
       const at = (share: number): number => along[Math.floor(share * (along.length - 1))] ?? 0;
-      return [at(0.02), at(0.98)] as const;
-    });
+      return [at(0.02), at(0.98)];
+    };
+    return [span(axes[0]), span(axes[1]), span(axes[2])];
   }
 
   [Symbol.dispose](): void {

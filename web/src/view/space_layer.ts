@@ -1,11 +1,11 @@
 /** A place from outside: cameras, path and points, or 3D Gaussians, to be turned around. */
 
-import {
-  GridHelper, Matrix4, PerspectiveCamera, Quaternion, Scene, Vector3 as Vector, WebGLRenderer,
-} from 'three';
+import { Matrix4, PerspectiveCamera, Quaternion, Scene, Vector3 as Vector, WebGLRenderer } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { forwardOf, identity, pinholeScratch, positionOf, worldFromCamOfWebXr, type Camera, type Vector3 } from '../geometry';
 import { ARROWS_LOOK, WalkControls, type Walker } from '../walk_controls';
+import { axesOf, Floor, type Axes } from './floor';
+import { scaleFor } from './free_camera';
 import { Frusta } from './frusta';
 import { eased, FLIGHT_MS, wantsLessMotion, type Layer, type LayerHooks } from './layer';
 import { gazeOf, upOf, type Place } from './place';
@@ -21,7 +21,6 @@ const FRUSTUM_OF_GAZE = 0.12;
 const CLICK_PX = 6;
 /** A view is pointed at from so near. */
 const PICK_PX = 30;
-const GRID_CELLS = 20;
 /** The overview looks down so much: up, per length backwards. */
 const ABOVE = 0.45;
 /** … at a point so far from the middle of all towards the middle of the cameras. */
@@ -48,6 +47,7 @@ export class SpaceLayer implements Layer, Walker {
   readonly #stop = new AbortController();
   readonly #frusta: Frusta;
   readonly #points: PointSets;
+  readonly #floor = new Floor();
   #splats: Splats | null = null;
   #splatFile: string | null = null;
   #place: Place;
@@ -60,7 +60,6 @@ export class SpaceLayer implements Layer, Walker {
   /** Someone chose where to look from: it stays so when more comes. */
   #touched = false;
   #sized = 0;
-  #grid: GridHelper | null = null;
   #last_ms = 0;
   readonly #seen = { pinhole: pinholeScratch(), worldFromCam: identity() } as Camera & {
     readonly pinhole: ReturnType<typeof pinholeScratch>;
@@ -80,7 +79,7 @@ export class SpaceLayer implements Layer, Walker {
     };
     this.#frusta = new Frusta((file) => source.url(file), wake);
     this.#points = new PointSets((file) => source.bytes(file), wake, hooks.onProblem);
-    this.#scene.add(this.#frusta.group, this.#points.group);
+    this.#scene.add(this.#frusta.group, this.#points.group, this.#floor.group);
     this.#up = upOf(this.#place);
     this.#camera.up.set(...this.#up);
     this.#orbit = new OrbitControls(this.#camera, this.canvas);
@@ -153,11 +152,11 @@ export class SpaceLayer implements Layer, Walker {
 
   /** A sphere around the cameras and most of the points. */
   #bounds(): { readonly centre: Vector; readonly radius: number } {
-    const axes = this.#axes().map((axis) => new Vector(...axis)) as [Vector, Vector, Vector];
-    const extent = this.#points.extent(this.#axes());
+    const axes = this.#axes();
+    const extent = this.#points.extent(axes);
     const centre = new Vector();
     let square = 0;
-    axes.forEach((axis, i) => {
+    axes.map((axis) => new Vector(...axis)).forEach((axis, i) => {
       const places = this.#place.views.map(({ camera }) => axis.dot(new Vector(...positionOf(camera))));
       const [low, high] = extent?.[i] ?? [Infinity, -Infinity];
       const least = Math.min(low, ...places);
@@ -243,7 +242,7 @@ export class SpaceLayer implements Layer, Walker {
     const turning = this.#flight === null && this.#through === null && this.#orbit.update();
     if (!this.#dirty && !turning) return this.#flight !== null;
     this.#dirty = false;
-    this.#fitGrid();
+    this.#fitSize();
     this.#renderer.render(this.#scene, this.#camera);
     this.#hooks.onFirstPicture();
     return turning || this.#flight !== null || this.#keys.moving;
@@ -255,53 +254,25 @@ export class SpaceLayer implements Layer, Walker {
     this.#frusta[Symbol.dispose]();
     this.#points[Symbol.dispose]();
     this.#splats?.[Symbol.dispose]();
-    this.#grid?.dispose();
+    this.#floor[Symbol.dispose]();
     this.#renderer.dispose();
     this.canvas.remove();
   }
 
-  /** Two level axes, and up. */
-  #axes(): readonly [Vector3, Vector3, Vector3] {
-    const up = new Vector(...this.#up);
+  #axes(): Axes {
     const first = this.#place.views[0];
-    const ahead = new Vector(...(first === undefined ? [1, 0, 0] as const : forwardOf(first.camera)));
-    ahead.addScaledVector(up, -ahead.dot(up));
-    if (ahead.lengthSq() < 1e-6) ahead.set(up.y, up.z, up.x).addScaledVector(up, -up.dot(new Vector(up.y, up.z, up.x)));
-    ahead.normalize();
-    const right = ahead.clone().cross(up);
-    return [tuple(right), tuple(ahead), this.#up];
+    return axesOf(this.#up, first === undefined ? [1, 0, 0] : forwardOf(first.camera));
   }
 
-  /** A floor of squares below it, which says how large it is; drawn anew while points come. */
-  #fitGrid(): void {
+  /** What depends on how large it is, again when more of it has come. */
+  #fitSize(): void {
     if (this.#options.splats || this.#points.count === this.#sized) return;
     this.#sized = this.#points.count;
     this.#reach = this.#reachOf(this.#place);
     if (!this.#touched) this.overview();
     const axes = this.#axes();
     const extent = this.#points.extent(axes);
-    if (extent === null) return;
-    const [across = [0, 1], along = [0, 1], upwards = [0, 1]] = extent;
-    const cell = this.gridCell(Math.max(across[1] - across[0], along[1] - along[0]));
-    if (this.#grid !== null) {
-      this.#scene.remove(this.#grid);
-      this.#grid.dispose();
-    }
-    this.#grid = new GridHelper(GRID_CELLS * cell, GRID_CELLS, 0x3a414d, 0x232831);
-    const [right, ahead, up] = axes.map((axis) => new Vector(...axis)) as [Vector, Vector, Vector];
-    this.#grid.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(right, up, ahead.clone().negate()));
-    this.#grid.position.set(0, 0, 0)
-      .addScaledVector(right, (across[0] + across[1]) / 2)
-      .addScaledVector(ahead, (along[0] + along[1]) / 2)
-      .addScaledVector(up, upwards[0]);
-    this.#scene.add(this.#grid);
-  }
-
-  /** The side of a square of the floor, for something so large: 0.1, 0.25, 0.5, 1 … */
-  gridCell(extent: number): number {
-    const wanted = extent / 8;
-    const ten = 10 ** Math.floor(Math.log10(Math.max(wanted, 1e-6)));
-    return ten * ([1, 2.5, 5, 10].find((step) => step * ten >= wanted) ?? 10);
+    if (extent !== null) this.#floor.fit(axes, extent);
   }
 
   #showSplats(file: string | null): void {
@@ -371,7 +342,8 @@ export class SpaceLayer implements Layer, Walker {
       new Vector(at(0, 0), at(1, 0), at(2, 0)), new Vector(-at(0, 1), -at(1, 1), -at(2, 1)),
       new Vector(-at(0, 2), -at(1, 2), -at(2, 2))));
     const { width, height } = this.canvas;
-    const scale = Math.min(width / k.width_px, height / k.height_px);
+    // Who looks through a camera sees all of its photo; Gaussians fill the screen.
+    const scale = scaleFor(width, height, k, this.#options.splats);
     return {
       position: new Vector(at(0, 3), at(1, 3), at(2, 3)), turned,
       fov_deg: (360 / Math.PI) * Math.atan(height / 2 / (scale * k.fy_px)),
@@ -438,8 +410,4 @@ function spread({ views }: Place): number {
     });
   }
   return views.length === 0 ? 1 : Math.hypot(...high.map((value, axis) => value - (low[axis] ?? 0)));
-}
-
-function tuple({ x, y, z }: Vector): Vector3 {
-  return [x, y, z];
 }

@@ -79,6 +79,7 @@ export class Viewer implements Disposable {
   #opened_ms = performance.now();
   #firstPicture_ms: number | null = null;
   #coverage = false;
+  #edge = 0;
   #helpShown = false;
 
   constructor(element: HTMLElement, source: PlaceSource, options: ViewerOptions) {
@@ -244,6 +245,8 @@ export class Viewer implements Disposable {
       show(this.#problem, problem !== '');
     },
     onEdge: (edge: number): void => {
+      if (edge === this.#edge) return;
+      this.#edge = edge;
       this.#border.style.opacity = edge.toFixed(2);
       say(this.#status, edge > 0.85 ? 'Here ends what was captured.' : '');
     },

@@ -1,4 +1,5 @@
 import { expect, test } from 'vitest';
+import { axesOf, cellFor } from '../../src/view/floor';
 import { parsePlace, pathLength, upOf } from '../../src/view/place';
 import { pointsOf } from '../../src/view/point_sets';
 import { factsText } from '../../src/view/words';
@@ -57,4 +58,22 @@ test('points are places, then colours; anything else is refused', () => {
   expect(xyz[4]).toBe(1.5);
   expect(rgb[3]).toBe(200);
   expect(() => pointsOf(new ArrayBuffer(31))).toThrow('31');
+});
+
+test('the floor has squares of lengths that one knows', () => {
+  expect([0.8, 2, 4, 7, 20, 0].map(cellFor)).toEqual([0.1, 0.25, 0.5, 1, 2.5, 1e-6]);
+});
+
+test('axes are level, at right angles, and there whatever is up', () => {
+  for (const up of [[0, 1, 0], [0, 0, -1], [1, 0, 0]] as const) {
+    for (const facing of [[1, 0, 0], [0, 0, 1], [0, 1, 0], up] as const) {
+      const [right, ahead] = axesOf(up, facing);
+      const dot = (a: readonly number[], b: readonly number[]): number =>
+        a.reduce((sum, value, i) => sum + value * (b[i] ?? NaN), 0);
+      expect(dot(right, up)).toBeCloseTo(0, 12);
+      expect(dot(ahead, up)).toBeCloseTo(0, 12);
+      expect(dot(right, ahead)).toBeCloseTo(0, 12);
+      expect(dot(right, right)).toBeCloseTo(1, 12);
+    }
+  }
 });
