@@ -3,7 +3,7 @@
 import { forwardOf, type Camera, type Pinhole } from '../geometry';
 import { MpiDecoder } from '../mpi/decoder';
 import { MpiStore } from '../mpi/mpi_store';
-import { Governor } from '../render/governor';
+import { governorOf } from '../render/governor';
 import { LightFieldRenderer } from '../render/light_field_renderer';
 import { ARROWS_LOOK, WalkControls } from '../walk_controls';
 import { between, FreeCamera, type Stand } from './free_camera';
@@ -36,7 +36,7 @@ export class LightFieldLayer implements Layer {
   readonly #stop = new AbortController();
   readonly #walker: FreeCamera;
   readonly #controls: WalkControls;
-  readonly #governor = new Governor();
+  readonly #governor = governorOf(new URLSearchParams(location.search), { marks: 'apart' });
   /** The file of each view that the store knows. */
   readonly #known = new Map<string, string>();
   #seen: Pinhole;
@@ -143,7 +143,8 @@ export class LightFieldLayer implements Layer {
     const step_ms = Math.min(time_ms - this.#last_ms, LONGEST_STEP_MS);
     this.#last_ms = time_ms;
     const moving = this.#controls.moving || this.#flight !== null;
-    if (moving && this.#moving && this.#governor.frame(time_ms)) this.#renderer.allow(this.#governor.allowance);
+    const governor = moving && this.#moving ? this.#governor : null;
+    if (governor?.frame(time_ms) === true) this.#renderer.allow(governor.allowance);
     this.#moving = moving;
     if (this.#controls.moving) {
       this.#controls.advance(step_ms);
@@ -173,6 +174,11 @@ export class LightFieldLayer implements Layer {
     this.#gl.bindFramebuffer(this.#gl.FRAMEBUFFER, view.framebuffer);
     this.#gl.readPixels(0, 0, width, height, this.#gl.RGBA, this.#gl.UNSIGNED_BYTE, rgba);
     return { width, height, rgba, viewIds: Array.from(this.#renderer.viewIds), settled: this.#renderer.settled };
+  }
+
+  /** What lies on the graphics card. */
+  get resident(): { readonly views: number; readonly bytes: number } {
+    return { views: this.#store.residentCount, bytes: this.#store.residentBytes };
   }
 
   [Symbol.dispose](): void {

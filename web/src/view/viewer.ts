@@ -44,7 +44,10 @@ export interface ViewerInspection {
   lightField(): ReturnType<LightFieldLayer['inspect']>;
   /** Points or Gaussians that are shown. */
   count(): number;
+  /** Since the page was asked for. */
   readonly firstPicture_ms: number | null;
+  /** MPIs on the graphics card. */
+  resident(): { readonly views: number; readonly bytes: number };
 }
 
 const ORDER: readonly Shown[] = ['light-field', 'place', 'splat'];
@@ -76,7 +79,6 @@ export class Viewer implements Disposable {
   #chosen = false;
   #scheduled = 0;
   #frames = 0;
-  #opened_ms = performance.now();
   #firstPicture_ms: number | null = null;
   #coverage = false;
   #edge = 0;
@@ -121,6 +123,7 @@ export class Viewer implements Disposable {
       lightField: () => this.#lightField?.inspect() ?? null,
       count: () => (this.#shown === 'light-field' ? 0 : this.#space(this.#shown)?.count ?? 0),
       firstPicture_ms: this.#firstPicture_ms,
+      resident: () => this.#lightField?.resident ?? { views: 0, bytes: 0 },
     };
   }
 
@@ -259,7 +262,7 @@ export class Viewer implements Disposable {
       onPick: (view) => this.#goTo(view),
       onEdge: this.#hooks.onEdge,
       onFirstPicture: () => {
-        this.#firstPicture_ms ??= performance.now() - this.#opened_ms;
+        this.#firstPicture_ms ??= performance.now();
         show(this.#poster, false);
         this.#sayFacts();
       },
