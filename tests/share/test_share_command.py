@@ -122,6 +122,24 @@ def test_an_mpi_file(room: Path, tmp_path: Path) -> None:
     assert shared.read_bytes() == (tmp_path / "view.mpi").read_bytes()
 
 
+def test_what_only_recordings_have_is_refused_of_files(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Generate(room, tmp_path / "view.mpi").run()
+    share = ["share", str(tmp_path / "view.mpi"), "--out", str(tmp_path / "shared")]
+    for wrong in (["--views", "3"], ["--as", "both"]):
+        assert "are for recordings, not " in fails([*share, *wrong], capsys)
+
+
+def test_an_mpi_file_that_does_not_fit_is_a_sentence(
+    room: Path, client: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Generate(room, tmp_path / "view.mpi").run()
+    (client / "assets/view-abc.js").write_bytes(bytes(1_000_000))
+    share = ["share", str(tmp_path / "view.mpi"), "--out", str(tmp_path / "shared")]
+    assert "does not fit; allow more by --max-mb" in fails([*share, "--max-mb", "1"], capsys)
+
+
 def test_gaussians_alone_and_pruned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(0)
     count = 60_000
@@ -171,6 +189,7 @@ def test_gaussians_of_a_recording(
     [
         (["--max-mb", "0.5"], "need --max-mb of 1 … 1000000, got 0.5"),
         (["--views", "0"], "need --views of at least 1, got 0"),
+        (["--views", "3", "--as", "splat"], "--views is for light fields"),
         (["--splat", "a.ply"], "--splat needs --as splat or --as both"),
         (["--address", "example.org"], "need an --address that begins with https://"),
         (["--address", "https://a.org/" + 500 * "a"], "at most 500 characters"),

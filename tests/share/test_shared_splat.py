@@ -130,6 +130,18 @@ def test_a_file_stands_in_the_world_of_its_recording_again(
     np.testing.assert_allclose(again.means_m, gaussians.means_m, atol=2e-3)
 
 
+def test_where_a_file_is_counted_from_is_the_place(
+    gaussians: Gaussians, frames: list[Frame], tmp_path: Path
+) -> None:
+    """As `peaking splat` writes recordings that have coordinates of maps."""
+    origin_m = np.array([412_345.0, 5_678_901.0, 312.0])
+    path = tmp_path / "room.ply"
+    write_splats(path, upright(replace(gaussians, origin_m=origin_m), "-y", path))
+    again = read_in_world(path, frames, origin_m)
+    np.testing.assert_allclose(again.means_m, gaussians.means_m, atol=1e-5)
+    assert not again.origin_m.any()
+
+
 def test_too_few_pictures_are_a_sentence(frames: list[Frame], tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="2 pictures to train on; take at least 3"):
         trained(frames[:2], tmp_path, SplatOptions())

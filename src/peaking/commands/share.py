@@ -95,6 +95,16 @@ class Share:
             sys.stdout.write(qr_text(self.address))
         write_results(self, {"bytes": size, **asdict(figures)})
 
+    @property
+    def _is_mpi(self) -> bool:
+        return self.scene.suffix.lower() == ".mpi"
+
+    @property
+    def _is_one_file(self) -> bool:
+        from peaking.export.splats import is_splat_file
+
+        return self._is_mpi or is_splat_file(self.scene)
+
     def _check(self) -> None:
         from urllib.parse import urlsplit
 
@@ -104,6 +114,10 @@ class Share:
             raise ArgumentError(f"need --views of at least 1, got {self.views}")
         if self.splat is not None and self.kind == "light-field":
             raise ArgumentError("--splat needs --as splat or --as both")
+        if self.views is not None and self.kind == "splat":
+            raise ArgumentError("--views is for light fields: --as light-field or --as both")
+        if self._is_one_file and (self.kind, self.views) != ("light-field", None):
+            raise ArgumentError(f"--as, --views and --splat are for recordings, not {self.scene}")
         if self.address is not None:
             parts = urlsplit(self.address)
             if parts.scheme not in ("http", "https") or not parts.netloc:
@@ -114,15 +128,21 @@ class Share:
                 raise ArgumentError(f"need an --address of at most {LONGEST_ADDRESS} characters")
 
     def _shared(self) -> tuple[SharedPlace, Figures]:
-        from peaking.export.splats import is_splat_file
-        from peaking.share.file_place import place_of_mpi
-        from peaking.share.recorded_share import Figures
+        if not self._is_one_file:
+            return self._of_recording()
+        return self._of_mpi() if self._is_mpi else self._of_gaussians()
 
-        if self.scene.suffix.lower() == ".mpi":
-            return place_of_mpi(self.scene), Figures(views=1, of_views=1)
-        if is_splat_file(self.scene):
-            return self._of_gaussians()
-        return self._of_recording()
+    def _of_mpi(self) -> tuple[SharedPlace, Figures]:
+        from peaking.errors import OutputError
+        from peaking.server.serving import CLIENT_DIR
+        from peaking.share.file_place import place_of_mpi
+        from peaking.share.recorded_share import RESERVE_BYTES, Figures
+        from peaking.share.writing import room_for
+
+        shared = place_of_mpi(self.scene)
+        if room_for(shared, self.out, int(self.max_mb * MB), CLIENT_DIR) < RESERVE_BYTES:
+            raise OutputError(f"{self.scene}: does not fit; allow more by --max-mb")
+        return shared, Figures(views=1, of_views=1)
 
     def _of_gaussians(self) -> tuple[SharedPlace, Figures]:
         from peaking.export.splats import read_splats

@@ -19,7 +19,7 @@ _LOADED = re.compile(
     r'\s*<(?:script\b[^>]*\bsrc=[^>]*></script>|link\b[^>]*\brel="(?:stylesheet|modulepreload)"[^>]*/?>)'
 )
 _TITLE = re.compile(r"<title>.*?</title>", re.DOTALL)
-_END_OF_SCRIPT = re.compile(r"<(/script|!--|script)", re.IGNORECASE)
+_END_OF_SCRIPT = re.compile(r"<(/script|!--)", re.IGNORECASE)
 
 
 def page_with_place(place: Place, files: Mapping[str, bytes], client_dir: Path) -> bytes:
@@ -72,8 +72,9 @@ def _inlined(name: str, data: bytes) -> str:
 
 
 def _within_page(script: str) -> str:
-    r"""Return a script that does not end its element: `<` and what may follow it are in strings.
+    r"""Return a script that does not end its element, nor hides its end (`<!--`).
 
-    There, and in regular expressions and comments, `\x3c` is the same.
+    In a classic script both stand in strings, regular expressions or comments alone, and there
+    `\x3c` is the same as `<`.
     """
     return _END_OF_SCRIPT.sub(r"\\x3c\1", script)

@@ -34,6 +34,8 @@ PIXELS = 57280
 MIN_PICTURES = 3
 MOST_SCORED = 40
 """Pictures on which the loss is measured."""
+MOST_PSNR_DB = 60.0
+"""Counts as the same picture."""
 SURELY = 0.97
 """Of what would fit by proportion is tried next."""
 
@@ -180,19 +182,12 @@ def loss_db(whole: Gaussians, shared: Gaussians, frames: Sequence[Frame]) -> flo
 def mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
     """Return the PSNR of renderings, averaged over the frames; degrees above 1 are not drawn."""
     drawn = gaussians.of_degree(min(gaussians.degree, 1))
-    return float(
-        np.mean(
-            [
-                psnr(
-                    np.clip(render(drawn, frame.camera).rgb, 0, 1).astype(np.float64),
-                    frame.rgb / 255.0,
-                    frame.mask,
-                )
-                for frame in frames
-                if frame.mask is None or frame.mask.any()
-            ]
-        )
-    )
+    scores_db: list[float] = []
+    for frame in frames:
+        if frame.mask is None or frame.mask.any():
+            rgb = np.clip(render(drawn, frame.camera).rgb, 0, 1).astype(np.float64)
+            scores_db.append(min(psnr(rgb, frame.rgb / 255.0, frame.mask), MOST_PSNR_DB))
+    return float(np.mean(scores_db)) if scores_db else MOST_PSNR_DB
 
 
 def _file_of(gaussians: Gaussians) -> FittedSplat:
