@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
         *(limits.MAX_PIXELS, limits.MAX_PICTURE_BYTES, limits.MAX_SCANS, limits.MAX_SCAN_PIXELS),
         *(limits.MAX_SEGMENTS, limits.MAX_CHUNKS, limits.MAX_POINTS_BYTES),
         *(limits.MAX_ASCII_POINTS_BYTES, limits.MAX_TRANSFORMS_VALUES),
-        *(limits.MAX_TEXT_BYTES, limits.MAX_MODEL_BYTES),
+        *(limits.MAX_TEXT_BYTES, limits.MAX_XML_BYTES, limits.MAX_MODEL_BYTES),
         *(limits.MAX_TRANSFORMS_BYTES, limits.MAX_CHECKPOINT_BYTES, wire.MAX_POINTS, MAX_POINTS),
         *(limits.MAX_TRACE_UNPACKED_BYTES, wire.MAX_TRACE_BYTES),
         ServerOptions(devices=None, client_dir=ROOT).max_upload_bytes,

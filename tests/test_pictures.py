@@ -32,7 +32,8 @@ from foreign_pictures import (
     with_size,
 )
 from patience import PATIENCE_S
-from peaking.datasets.stored_images import depth_size_px, picture_size_px, read_depth, read_picture
+from peaking.datasets.depth_files import depth_size_px, read_depth
+from peaking.datasets.stored_images import picture_size_px, read_picture
 from peaking.errors import RecordingError
 from peaking.limits import MAX_PIXELS, MAX_SCANS
 from peaking.output import encode_png

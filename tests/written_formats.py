@@ -12,7 +12,7 @@ import lzfse  # pyright: ignore
 import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 
-from peaking.datasets import Recording
+from peaking.datasets import Recording, open_recording
 from peaking.frame import Frame
 from peaking.geometry import Cam, Camera, Pinhole, Rigid
 from recordings import Room
@@ -222,6 +222,17 @@ def write_record3d(root: Path, taken: list[Shot], *, per_frame: bool = False) ->
         metadata["perFrameIntrinsicCoeffs"] = [[k.fx_px, k.fy_px, k.cx_px, k.cy_px]] * len(taken)
     (root / "metadata").write_text(json.dumps(metadata))
     return root
+
+
+def with_depth(recording: Recording, taken: list[Shot], out: Path) -> Recording:
+    """Put depth beside what was read of a format that has none."""
+    folder = recording.write_subset(list(range(len(taken))), out).path.parent
+    top = json.loads((folder / "transforms.json").read_text())
+    for i, (frame, shot) in enumerate(zip(top["frames"], taken, strict=True)):
+        png(folder / f"depths/{i}.png", in_units(shot.depth_m, 1000))
+        frame["depth_file_path"] = f"depths/{i}.png"
+    (folder / "transforms.json").write_text(json.dumps(top))
+    return open_recording(folder)
 
 
 def misfit(here: Frame, there: Frame, turned: Float64[np.ndarray, "3 3"] | None = None) -> float:

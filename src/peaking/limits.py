@@ -81,6 +81,11 @@ TRANSFORMS_MEMORY_BYTES = 2**30
 MAX_TEXT_BYTES = 2**28
 """Of a file of poses or intrinsics as text; 100,000 poses take 20 MB."""
 
+MAX_XML_BYTES = 2**27
+"""Of a file of cameras as XML; 10,000 of Metashape's take 15 MB."""
+
+MAX_XML_DEPTH = 64
+
 MAX_POINTS_BYTES = 2**30
 """Of a point cloud (.ply)."""
 

@@ -81,10 +81,22 @@ def test_photos_are_in_natural_order(tmp_path: Path) -> None:
     assert _names(tmp_path) == ["img_1.PNG", "IMG_9.jpg", "IMG_10.jpg"]
 
 
+def test_photos_in_folders_alone_are_found(tmp_path: Path) -> None:
+    for name in ("100CANON/IMG_2.JPG", "101CANON/IMG_1.JPG", "100CANON/IMG_10.JPG"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "100CANON/IMG_2.AAE").write_bytes(b"")
+    expected = ["100CANON/IMG_2.JPG", "100CANON/IMG_10.JPG", "101CANON/IMG_1.JPG"]
+    assert _names(tmp_path) == expected
+    (tmp_path / "101CANON/poses.json").write_bytes(b"")
+    assert _names(tmp_path) == [], "it holds something else"
+    (tmp_path / "own.jpg").write_bytes(b"")
+    assert _names(tmp_path) == ["own.jpg"]
+
+
 def test_photos_of_two_sizes_and_turns_are_placed(tmp_path: Path) -> None:
     """Some are stored lying on their side, and some smaller: a camera each."""
     desk, folder = open_recording(DESK), tmp_path / "photos"
-    folder.mkdir()
     indices = list(range(0, 48, 6))
     for place, index in enumerate(indices):
         rgb = desk.read(index).rgb
@@ -92,12 +104,14 @@ def test_photos_of_two_sizes_and_turns_are_placed(tmp_path: Path) -> None:
             rgb = np.asarray(cv2.resize(rgb, (221, 480), interpolation=cv2.INTER_AREA), np.uint8)
         turned = np.ascontiguousarray(np.rot90(rgb)) if place % 2 else rgb
         data = with_exif(encode_jpeg(turned), exif(6 if place % 2 else 1, 21))
-        (folder / f"p{place}.jpg").write_bytes(data)
+        inner = folder / f"10{place // 4}CANON"
+        inner.mkdir(parents=True, exist_ok=True)
+        (inner / f"p{place}.jpg").write_bytes(data)
     grey = np.full((639, 294, 3), 90, np.uint8)
-    (folder / "p9.jpg").write_bytes(encode_jpeg(grey))
+    (folder / "101CANON/p9.jpg").write_bytes(encode_jpeg(grey))
     recording = open_recording(folder)
     assert recording.format == "photos"
-    assert "1 of 9 pictures could not be placed: p9.jpg" in recording.notes[1]
+    assert "1 of 9 pictures could not be placed: 101CANON/p9.jpg" in recording.notes[1]
     assert list(recording.names) == [f"p{place}" for place in range(len(indices))]
     assert {c.pinhole.size_px for c in recording.cameras} == {(294, 639), (221, 480)}
     assert_cameras_agree(recording, desk, indices)

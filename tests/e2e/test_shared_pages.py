@@ -1,22 +1,29 @@
-"""What `peaking share` writes, opened in a real browser: from a plain web server, and from disk."""
+"""What `peaking share` and `peaking view` show in a real browser: served, and from the disk."""
 
 from __future__ import annotations
 
-import functools
-import threading
+import re
+import subprocess
+import sys
 from collections.abc import Generator
 from contextlib import contextmanager
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import BrowserContext, Page
+from playwright.sync_api import BrowserContext, Page, expect
 
+from e2e.test_viewer import light_field
 from e2e.virtual_phone_page import PATIENCE_MS
+from live_server import PEAKING
+from patience import PATIENCE_S
 from peaking.cli import main
+from peaking.export.splats import write_splats
+from peaking.splat.gaussians import Gaussians
+from places import served
 from recordings import write_recording
+from splat.scenes_of_gaussians import cloud
 
 FLAGS = ["--pixels", "19200", "--licence", "CC BY 4.0, A. Person"]
 PICTURED = 15.0
@@ -30,17 +37,30 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @contextmanager
-def web_server(folder: Path) -> Generator[str]:
-    """Serve a folder as any web server does; yield its address."""
-    handler = functools.partial(SimpleHTTPRequestHandler, directory=folder)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_address[1]}/"
-        finally:
-            server.shutdown()
-            thread.join()
+def viewing(*arguments: object) -> Generator[str]:
+    """Run `peaking view`; gives its address."""
+    command = [sys.executable, "-c", PEAKING, "view", "--no-open", "--port", "0"]
+    process = subprocess.Popen(
+        [*command, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        said: list[str] = []
+        for line in process.stdout:
+            said.append(line)
+            if found := re.search(r"http://localhost:\d+/", line):
+                break
+        else:
+            pytest.fail(f"it did not start: {said}")
+        yield found.group()
+    finally:
+        process.terminate()
+        with process.stdout:
+            process.stdout.read()
+        process.wait(PATIENCE_S)
 
 
 class Opened:
@@ -100,8 +120,8 @@ def test_a_folder_opens_from_any_web_server(
 ) -> None:
     out = tmp_path / "room"
     main(["share", str(room), "--out", str(out), *FLAGS])
-    with web_server(out) as address:
-        opened = Opened(context, address)
+    with served(out) as address:
+        opened = Opened(context, f"{address}/")
         opened.shows_a_picture()
         assert opened.page.title() == "room"
         assert all(url.startswith((address, "blob:", "data:")) for url in opened.asked)
@@ -119,3 +139,45 @@ def test_a_file_that_was_cut_off_says_so(
     problem = opened.page.get_by_role("alert")
     problem.wait_for()
     assert "cannot be read" in problem.inner_text()
+
+
+def test_a_file_that_is_missing_says_so(
+    room: Path, context: BrowserContext, tmp_path: Path
+) -> None:
+    out = tmp_path / "room.html"
+    main(["share", str(room), "--out", str(out), *FLAGS])
+    page = out.read_text(encoding="utf-8")
+    of_mpis = re.compile(r'<script type="text/plain" data-file="mpis/[^>]*>[^<]*</script>')
+    out.write_text(of_mpis.sub("", page), encoding="utf-8")
+    opened = Opened(context, out.as_uri())
+    said = opened.page.get_by_role("alert").filter(has_text="missing in this page")
+    expect(said).to_be_visible(timeout=PATIENCE_MS)
+
+
+def test_the_address_is_there_to_scan(context: BrowserContext, tmp_path: Path) -> None:
+    splat, out = tmp_path / "cloud.ply", tmp_path / "cloud.html"
+    write_splats(splat, Gaussians.from_parameters(cloud(400).astype("float32")))
+    main(["share", str(splat), "--out", str(out), "--address", "https://example.org/cloud.html"])
+    page = Opened(context, out.as_uri()).page
+    link = page.get_by_role("link", name="Open https://example.org")
+    expect(link).to_be_visible(timeout=PATIENCE_MS)
+
+
+def test_view_shows_scenes_and_files_at_once(
+    room: Path, context: BrowserContext, tmp_path: Path
+) -> None:
+    with viewing(room) as address:
+        opened = Opened(context, address)
+        light_field(opened.page)
+        assert opened.problems == []
+        opened.page.close()
+    splat = tmp_path / "cloud.ply"
+    write_splats(splat, Gaussians.from_parameters(cloud(400).astype("float32")))
+    with viewing(splat) as address:
+        opened = Opened(context, address)
+        opened.page.wait_for_function(
+            "() => window.viewer?.inspection.shown === 'splat'"
+            " && viewer.inspection.count() === 400",
+            polling=200,
+        )
+        assert opened.problems == []

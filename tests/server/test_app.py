@@ -36,7 +36,7 @@ def client_of(root: Path, *, paired: bool = True, **config: Any) -> TestClient:
     """Return a client of a server: that of a paired device, or of a server for loopback alone."""
     pages = root / "client"
     pages.mkdir(parents=True, exist_ok=True)
-    for name in ("index", "check", "devices", "sessions"):
+    for name in ("index", "check", "devices", "sessions", "view"):
         (pages / f"{name}.html").write_text(f"<p>{name}</p>")
     store = SessionStore(root / "sessions")
     devices = Devices(store.root) if paired else None
@@ -302,7 +302,12 @@ def test_without_a_token_only_loopback_is_answered(tmp_path: Path) -> None:
 
 def test_pages_need_no_token_and_carry_a_policy(client: TestClient) -> None:
     client.headers.pop("authorization")
-    for path, name in (("/", "index"), ("/check", "check"), ("/sessions", "sessions")):
+    for path, name in (
+        ("/", "index"),
+        ("/check", "check"),
+        ("/sessions", "sessions"),
+        ("/view", "view"),
+    ):
         answer = client.get(path)
         assert answer.text == f"<p>{name}</p>"
         assert "default-src 'self'" in answer.headers["content-security-policy"]

@@ -28,6 +28,7 @@ import { PictureOnPage } from './ui/picture_fit';
 import { FREELY, GUIDED, StartPage } from './ui/start_page';
 import { onTouch } from './ui/touch';
 import { WHY_UNFIXABLE } from './ui/words';
+import { showBeside } from './view/beside';
 import type { Guidance, GuidedPlace } from './wire';
 
 /** For tests, benchmarks, and people with the developer tools open. */
@@ -165,11 +166,14 @@ async function capture(stage: HTMLElement, overlay: HTMLElement, start: StartPag
     selection: (signal) => session.selection(signal),
     dataset: (asked) => session.dataset(asked),
     newSession: () => beginAnew(query),
+    viewer: () => `./view#${session.id}`,
   }, replay, rules);
   extension?.attach({ live, session, overlay });
   const picture = new PictureOnPage(choice.kind === 'webxr' ? null : stage.querySelector('canvas'));
   // A guide says where views are taken, a study's protocol what is shown.
   const nextView = guide === null && extension === null ? new NextView(overlay, session, picture) : null;
+  // Who takes part in a study sees what its organiser chose.
+  if (extension === null && choice.kind !== 'webxr') showBeside(api, session, info.options, elementOf('beside'));
   window.peaking = inspectionOf(live, session, phone, guide, nextView);
   let visible = WHOLE;
   onTouch(window, (clientX, clientY) => {

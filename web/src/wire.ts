@@ -148,6 +148,38 @@ export interface Guidance {
   readonly surface_m: readonly number[];
 }
 
+/** A view that Gaussians show less well than others. */
+export interface WorstView {
+  readonly capture: string;
+  readonly number: number;
+  readonly psnr_db: number;
+  readonly suggestion: string;
+}
+
+/** GET /api/v1/sessions/{session}/training: 3D Gaussians that are trained on its views. */
+export interface Training {
+  readonly state: 'done' | 'failed' | 'none' | 'running' | 'stopped' | 'waiting';
+  readonly step: number;
+  readonly steps: number;
+  readonly gaussians: number;
+  readonly views: number;
+  readonly held_out: number;
+  readonly psnr_db: number | null;
+  readonly elapsed_s: number;
+  readonly remaining_s: number | null;
+  readonly splat_version: number;
+  readonly splat_format: 'ply' | 'spz';
+  readonly splat_bytes: number;
+  readonly worst: readonly WorstView[];
+  readonly outdated: boolean;
+  readonly problem: string | null;
+}
+
+/** PUT /api/v1/sessions/{session}/training: begin or go on, or stop. */
+export interface TrainingChange {
+  readonly state: 'running' | 'stopped';
+}
+
 /** Begin a session, or find it again: PUT /api/v1/sessions/{session}. */
 export interface NewSession {
   readonly protocol: number;
@@ -355,6 +387,12 @@ export interface GuidanceChanged {
   readonly revision: number;
 }
 
+/** A training began, went on, has something to show, or ended. */
+export interface TrainingChanged {
+  readonly type: 'TrainingChanged';
+  readonly training: Training;
+}
+
 /** First event of /api/v1/events, for the dashboard; `SessionChanged` follows. */
 export interface SessionList {
   readonly type: 'SessionList';
@@ -362,7 +400,7 @@ export interface SessionList {
   readonly problems?: readonly string[];
 }
 
-export type SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged;
+export type SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged | TrainingChanged;
 
 export type ServerEvent = SessionList | SessionChanged;
 
@@ -447,6 +485,31 @@ export const guidanceSchema: Schema<Guidance> = /* @__PURE__ */ record<Guidance>
   next: nullable(guidedPlaceSchema),
   left: list(guidedPlaceSchema, 0, 3),
   surface_m: list(number(-100000000, 100000000), 0, 1500),
+});
+
+export const worstViewSchema: Schema<WorstView> = /* @__PURE__ */ record<WorstView>({
+  capture: text,
+  number: integer(),
+  psnr_db: number(),
+  suggestion: text,
+});
+
+export const trainingSchema: Schema<Training> = /* @__PURE__ */ record<Training>({
+  state: oneOf('done', 'failed', 'none', 'running', 'stopped', 'waiting'),
+  step: integer(),
+  steps: integer(),
+  gaussians: integer(),
+  views: integer(),
+  held_out: integer(),
+  psnr_db: nullable(number()),
+  elapsed_s: number(),
+  remaining_s: nullable(number()),
+  splat_version: integer(),
+  splat_format: oneOf('ply', 'spz'),
+  splat_bytes: integer(),
+  worst: list(worstViewSchema),
+  outdated: flag,
+  problem: nullable(text),
 });
 
 export const sessionSummarySchema: Schema<SessionSummary> = /* @__PURE__ */ record<SessionSummary>({
@@ -611,6 +674,11 @@ export const guidanceChangedSchema: Schema<GuidanceChanged> = /* @__PURE__ */ re
   revision: integer(),
 });
 
+export const trainingChangedSchema: Schema<TrainingChanged> = /* @__PURE__ */ record<TrainingChanged>({
+  type: oneOf('TrainingChanged'),
+  training: trainingSchema,
+});
+
 export const sessionListSchema: Schema<SessionList> = /* @__PURE__ */ record<SessionList>({
   type: oneOf('SessionList'),
   sessions: list(sessionSummarySchema),
@@ -622,6 +690,7 @@ export const sessionEventSchema: Schema<SessionEvent> = /* @__PURE__ */ tagged<S
   CaptureChanged: captureChangedSchema,
   SessionChanged: sessionChangedSchema,
   GuidanceChanged: guidanceChangedSchema,
+  TrainingChanged: trainingChangedSchema,
 });
 
 export const serverEventSchema: Schema<ServerEvent> = /* @__PURE__ */ tagged<ServerEvent>({

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import re
-import subprocess
-import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from peaking.benchmarks import live_strain
+from peaking.benchmarks.command_server import demo_server
 from peaking.benchmarks.live_phone import LiveCapture, LivePhone, upload_bodies
 from peaking.benchmarks.measure import machine
 from peaking.datasets import Recording
-from peaking.errors import PeakingError
 
 PHONES = 20
 PHONE_PERIOD_S = 2.0
@@ -55,7 +50,7 @@ def run(plan: LiveOptions, *, told: Callable[[str], None]) -> dict[str, object]:
         PeakingError: The server does not start.
     """
     document: dict[str, object] = {"machine": machine()}
-    with tempfile.TemporaryDirectory() as folder, _server(Path(folder)) as address:
+    with tempfile.TemporaryDirectory() as folder, demo_server(Path(folder)) as address:
         bodies = upload_bodies(plan.recordings, plan.captures)
         told("waiting for the server's kernels")
         phone = LivePhone(address, "warm up")
@@ -80,40 +75,9 @@ def run(plan: LiveOptions, *, told: Callable[[str], None]) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as folder:
         lateness = Path(folder) / "lateness"
         begin = f"from peaking.benchmarks import slow_disk; slow_disk.begin({str(lateness)!r})"
-        with _server(Path(folder) / "sessions", begin) as address:
+        with demo_server(Path(folder) / "sessions", begin) as address:
             document |= live_strain.loop_stall(address, bodies, lateness, told)
     return document
-
-
-@contextlib.contextmanager
-def _server(folder: Path, begin: str = "pass") -> Generator[str, None, None]:
-    """Run `peaking demo` on a free port, after a line of Python; yield its address."""
-    code = f"{begin}; from peaking.cli import main; main()"
-    command = [sys.executable, "-c", code, "demo", "--no-open"]
-    with subprocess.Popen(
-        [*command, "--port", "0", "--sessions", str(folder)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-    ) as process:
-        try:
-            yield _address(process)
-        finally:
-            process.terminate()
-            process.wait(10)
-
-
-def _address(process: subprocess.Popen[str]) -> str:
-    assert process.stdout is not None
-    said: list[str] = []
-    for line in process.stdout:
-        said.append(line)
-        found = re.search(r"http://(localhost|127\.0\.0\.1):\d+", line)
-        if found:
-            threading.Thread(target=process.stdout.read, daemon=True).start()
-            return found.group()
-    raise PeakingError(f"the server did not start: {''.join(said).strip()}")
 
 
 def _one_phone(address: str, bodies: Sequence[bytes]) -> dict[str, object]:

@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 import itertools
-import os
-import shutil
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from peaking.benchmarks import live_parts
-from peaking.errors import BackendUnavailable, ToolMissing
+from peaking.benchmarks.browser import PATIENCE_MS, chromium, heap_bytes, until
 from peaking.frame import Frame
 
 CAPTURES = 12
-PATIENCE_MS = 120_000
 BACK_M = 0.3
 """From here the views leave something empty, so that there is something to fill."""
 _QUERY = "source=virtual&governor=off"
 _DRAWN = "window.peaking.timeline().filter(c => c.times.drawn !== undefined).length"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FLAGS = (
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--enable-precise-memory-info",
-    "--js-flags=--expose-gc",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-)
+_INSTEAD = "leave the browser out with --no-browser"
 
 
 def run(address: str, frames: Sequence[Frame]) -> dict[str, object]:
@@ -47,49 +31,38 @@ def run(address: str, frames: Sequence[Frame]) -> dict[str, object]:
         BackendUnavailable: playwright is not installed.
         ToolMissing: There is no Chromium.
     """
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError as error:
-        raise BackendUnavailable(
-            "playwright is not installed; pip install playwright, or leave the browser out with "
-            "--no-browser"
-        ) from error
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=_browser_path(), headless=True, args=list(FLAGS)
-        )
+    with chromium(_INSTEAD) as browser:
         page = browser.new_page(viewport={"width": 800, "height": 720})
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{address}/?{_QUERY}", wait_until="commit")
-        _until(page, "() => window.peaking?.canShoot() === true")
-        begin_heap = _heap(page)
+        until(page, "() => window.peaking?.canShoot() === true")
+        begin_heap = heap_bytes(page)
         aligned_ms: list[float] = []
         for number in range(CAPTURES):
             angle = 2 * np.pi * number / CAPTURES
             page.evaluate("p => window.peaking.phone.setPose(p)", _pose(angle))
             _frames(page, 4)
-            _until(page, "() => window.peaking.canShoot() === true")
+            until(page, "() => window.peaking.canShoot() === true")
             page.keyboard.press("Space")
-            _until(page, f"() => ({_DRAWN}) > {number}")
+            until(page, f"() => ({_DRAWN}) > {number}")
             took_ms = page.evaluate("window.peaking.tracking().took_ms")
             aligned_ms += [] if took_ms is None else [took_ms]
         tracking = page.evaluate("window.peaking.tracking()")
         timeline = page.evaluate("window.peaking.timeline()")
         resident = page.evaluate("window.peaking.resident()")
         frames_ms = _frame_time_ms(page)
-        full_heap = _heap(page)
+        full_heap = heap_bytes(page)
         page.evaluate("p => window.peaking.phone.setPose(p)", _pose(0.8, back_m=BACK_M))
         parts = live_parts.frame_parts(page)
         while page.evaluate("window.peaking.views().length") > 1:
             before = page.evaluate("window.peaking.views().length")
             page.keyboard.press("z")
-            _until(page, f"() => window.peaking.views().length < {before}")
+            until(page, f"() => window.peaking.views().length < {before}")
         _frames(page, 8)
         after = page.evaluate("window.peaking.resident()")
-        undone_heap = _heap(page)
+        undone_heap = heap_bytes(page)
         page.close()
         many_over_few = _many_over_few(browser, address, frames)
-        browser.close()
     return _summary(timeline) | {
         "frame_ms_median": frames_ms,
         "align": {
@@ -135,9 +108,9 @@ def _many_over_few(browser: Any, address: str, frames: Sequence[Frame]) -> dict[
         page = browser.new_page(viewport={"width": 800, "height": 720})
         page.set_default_timeout(PATIENCE_MS)
         page.goto(f"{address}/?{_QUERY}&session={session}", wait_until="commit")
-        _until(page, f"() => window.peaking?.views().length === {count}")
+        until(page, f"() => window.peaking?.views().length === {count}")
         page.evaluate("p => window.peaking.phone.setPose(p)", _pose(0.0, radius_m=0.0))
-        _until(page, "() => window.peaking.seen()?.viewIds.length === 4")
+        until(page, "() => window.peaking.seen()?.viewIds.length === 4")
         _frames(page, 12)  # until what fills is on the card too
         pages[count] = page
     return live_parts.many_over_few(pages)
@@ -150,16 +123,7 @@ def _pose(angle: float, *, radius_m: float = 0.25, back_m: float = 0.0) -> list[
 
 def _frames(page: Any, count: int) -> None:
     before = page.evaluate("window.peaking.frames()")
-    _until(page, f"() => window.peaking.frames() >= {before + count}")
-
-
-def _until(page: Any, holds: str) -> None:
-    """Wait until a function of the page returns true; its CSP forbids playwright's own way."""
-    until_s = time.monotonic() + PATIENCE_MS / 1e3
-    while page.evaluate(holds) is not True:
-        if time.monotonic() > until_s:
-            raise TimeoutError(f"waited {PATIENCE_MS / 1e3:.0f} s for {holds}")
-        page.wait_for_timeout(20)
+    until(page, f"() => window.peaking.frames() >= {before + count}")
 
 
 def _frame_time_ms(page: Any) -> float:
@@ -167,18 +131,3 @@ def _frame_time_ms(page: Any) -> float:
     page.wait_for_timeout(4000)
     after, end_ms = page.evaluate("[window.peaking.frames(), performance.now()]")
     return round((end_ms - begin_ms) / max(after - before, 1), 1)
-
-
-def _heap(page: Any) -> int:
-    return page.evaluate("(globalThis.gc?.(), performance.memory.usedJSHeapSize)")
-
-
-def _browser_path() -> str:
-    named = os.environ.get("PEAKING_BROWSER")
-    for name in (named,) if named else BROWSERS:
-        found = shutil.which(name)
-        if found:
-            return found
-    raise ToolMissing(
-        "no Chromium found; run scripts/install_browser, or leave the browser out with --no-browser"
-    )

@@ -122,12 +122,7 @@ def long_sessions(address: str, frames: Sequence[Frame]) -> dict[int, str]:
         frames: At least ten, with depth. The first is put where the virtual phone begins.
     """
     sessions: dict[int, str] = {}
-    turned: Rigid[World, Cam] = Rigid(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-    room_from_world = turned @ frames[0].camera.world_from_cam.inverse()
-    near = [
-        replace(f, camera=Camera(f.camera.pinhole, room_from_world @ f.camera.world_from_cam))
-        for f in frames[:FEW]
-    ]
+    near = before_phone(frames[:FEW])
     for count in (FEW, MANY):
         phone = LivePhone(address, f"{count} views")
         far = [_moved(near[k % len(near)], k) for k in range(count - len(near))]
@@ -136,6 +131,16 @@ def long_sessions(address: str, frames: Sequence[Frame]) -> dict[int, str]:
         phone.close()
         sessions[count] = phone.session_id
     return sessions
+
+
+def before_phone(frames: Sequence[Frame]) -> list[Frame]:
+    """Return frames in a world in which the first stands where the virtual phone begins."""
+    turned: Rigid[World, Cam] = Rigid(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    room_from_world = turned @ frames[0].camera.world_from_cam.inverse()
+    return [
+        replace(f, camera=Camera(f.camera.pinhole, room_from_world @ f.camera.world_from_cam))
+        for f in frames
+    ]
 
 
 def many_over_few(pages: Mapping[int, Any]) -> dict[str, object]:

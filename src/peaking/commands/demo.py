@@ -42,6 +42,8 @@ class Demo:
     """Do not open the browser."""
     keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
+    training_steps: int = 2000
+    """Steps of a training of 3D Gaussians that is begun from a session's page."""
     reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
@@ -52,7 +54,13 @@ class Demo:
         import webbrowser
 
         from peaking.commands.python_version import say_when_outdated
-        from peaking.commands.serving import check_port, keep_private, preparation_said, say_skipped
+        from peaking.commands.serving import (
+            check_port,
+            check_training_steps,
+            keep_private,
+            preparation_said,
+            say_skipped,
+        )
         from peaking.server.app import ServerOptions
         from peaking.server.recordings import PlayedRecording
         from peaking.server.serving import CLIENT_DIR, bind, serve
@@ -60,6 +68,7 @@ class Demo:
         from peaking.server.warm_up import WarmUp
 
         check_port(self.port)
+        check_training_steps(self.training_steps)
         keep_private()
         name = "localhost" if self.host in ("127.0.0.1", "localhost") else self.host
         with checked_arguments():
@@ -105,6 +114,7 @@ class Demo:
                 client_dir=CLIENT_DIR,
                 options=options,
                 keep_exif=self.keep_exif,
+                training_steps=self.training_steps,
                 recordings=recordings,
             ),
             started=started,

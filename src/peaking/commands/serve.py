@@ -45,6 +45,8 @@ class Serve:
     """Refused: other users can read command lines. Use --token-file or PEAKING_TOKEN."""
     keep_exif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Keep the metadata of photos: EXIF with GPS, XMP, comments."""
+    training_steps: int = 2000
+    """Steps of a training of 3D Gaussians that is begun from a session's page."""
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -55,6 +57,7 @@ class Serve:
         from peaking.commands.serving import (
             Invitation,
             check_port,
+            check_training_steps,
             fixed_token,
             https_origins,
             keep_private,
@@ -74,6 +77,7 @@ class Serve:
             )
         token = fixed_token(self.token_file)
         check_port(self.port)
+        check_training_steps(self.training_steps)
         keep_private()
         with checked_arguments():
             options = self.method.options()
@@ -119,6 +123,7 @@ class Serve:
                 options=options,
                 pages=pages,
                 keep_exif=self.keep_exif,
+                training_steps=self.training_steps,
             ),
             context=context,
             started=started,

@@ -44,6 +44,16 @@ def check_port(port: int) -> None:
         raise ArgumentError(f"need --port of 0..{MAX_PORT}, got {port}")
 
 
+def check_training_steps(steps: int) -> None:
+    """Refuse a training without steps.
+
+    Raises:
+        ArgumentError: It has none.
+    """
+    if steps < 1:
+        raise ArgumentError(f"need --training-steps of at least 1, got {steps}")
+
+
 def https_origins(host: str, port: int) -> tuple[list[str], ssl.SSLContext]:
     """Return the addresses at which the local network reaches this machine, and their certificate.
 

@@ -111,7 +111,9 @@ def find_once(
         kept: list[FoundFrame] = []
         for one, depth_m in zip(found.frames, plane_sweep_depths_m(_small(placed)), strict=True):
             if depth_m.any():
-                (folder / DEPTHS / f"{one.name}.png").write_bytes(encode_png(depth_mm(depth_m)))
+                path = folder / DEPTHS / f"{one.name}.png"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(encode_png(depth_mm(depth_m)))
             kept.append(msgspec.structs.replace(one, depth=bool(depth_m.any())))
     (folder / FOUND).write_bytes(msgspec.json.encode(Found(kept, found.notes)))
 

@@ -92,6 +92,15 @@ class Lens:
         return np.asarray(undistorted, dtype=np.float32)
 
 
+def same_aspect(small_px: tuple[int, int], large_px: tuple[int, int]) -> bool:
+    """Return whether both cover the same field of view, to within one pixel of the first."""
+    (width, height), (large_width, large_height) = small_px, large_px
+    return (
+        abs(width * large_height / large_width - height) <= 1
+        or abs(height * large_width / large_height - width) <= 1
+    )
+
+
 @lru_cache(maxsize=2)
 def _fault(lens: Lens) -> str | None:
     k, (_, _, p1, p2, _) = lens.pinhole, lens.k1_k2_p1_p2_k3

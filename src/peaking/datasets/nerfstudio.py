@@ -16,23 +16,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
+from peaking.datasets.depth_files import depth_size_px, read_depth
 from peaking.datasets.depth_unit import MOST, depth_over_distance
 from peaking.datasets.foreign_files import read_bytes
-from peaking.datasets.lens import Lens
+from peaking.datasets.nerfstudio_subset import (
+    files_of,
+    may_tell,
+    tells,
+    told_nothing,
+    top_of_subset,
+)
 from peaking.datasets.point_cloud import check_points, read_points
+from peaking.datasets.recorded_views import RecordedView, refuse_twice, states_unit, view_of
 from peaking.datasets.recording import GLASS, MIRROR
 from peaking.datasets.stored_images import (
     as_handed_on,
-    depth_size_px,
-    is_floating,
-    picture_size_px,
-    read_depth,
     read_grey,
     read_mask,
     read_picture,
@@ -43,45 +46,19 @@ from peaking.datasets.transforms_json import (
     UNIT,
     Fields,
     Json,
-    depth_of,
     file_of,
     frames_of,
-    lens_of,
-    pose_of,
     read_json,
-    same_aspect,
 )
 from peaking.errors import OutputError, RecordingError
 from peaking.frame import Frame, mask_resized
 from peaking.geometry import Camera
 from peaking.output import complete_or_absent
-from peaking.pictures.metadata import is_removable, without_metadata
+from peaking.pictures.metadata import is_removable
 from peaking.point_cloud import visible_points
 
-_NO_PICTURES = (".npy", ".ply")
 _KIND_BYTES = 16
 """Of a file's beginning: they tell its kind."""
-_ASIDES = ("mask_path", "ply_file_path", "exact_depth_file_path", "materials_file_path")
-"""Files that a frame may have beside picture and depth."""
-_SPLITS = ("train_filenames", "val_filenames", "test_filenames")
-
-
-@dataclass(frozen=True)
-class RecordedView:
-    """What transforms.json says about one picture; paths are relative to the recording."""
-
-    name: str
-    picture: Path
-    depth: Path | None
-    depth_unit_m: float
-    lens: Lens
-    camera: Camera
-    timestamp_s: float | None
-    points: Path | None
-    """A point cloud, where there is no depth map."""
-    mask: Path | None
-    points_unit_m: float
-    entry: Json
 
 
 @dataclass(frozen=True)
@@ -112,8 +89,13 @@ class NerfstudioRecording:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Nothing: what is wrong is refused."""
-        return ()
+        """That NeRFCapture did not write its depth; all else that is wrong is refused."""
+        unwritten = sum(
+            view.depth is None and view.entry.get("depth_path") is not None for view in self.views
+        )
+        if not unwritten:
+            return ()
+        return (f"depth of {unwritten} of {len(self)} frames is named, and was never written",)
 
     @property
     def path(self) -> Path:
@@ -253,11 +235,11 @@ class NerfstudioRecording:
             RecordingError: A file of one of the views is reached by a link that leaves the
                 recording, or is of a kind whose metadata cannot be removed.
         """
-        for name in _files_of(self, [self.views[i] for i in indices]):
+        for name in files_of(self.path, self.top, [self.views[i] for i in indices]):
             source = self.root / name
             head = read_bytes(source, _KIND_BYTES, within=None if follow_links else self.root)
-            if not keep_exif and _may_tell(name) and not is_removable(head):
-                raise _tells(source, "is of a kind whose metadata cannot be removed")
+            if not keep_exif and may_tell(name) and not is_removable(head):
+                raise tells(source, "is of a kind whose metadata cannot be removed")
 
     def write_subset(
         self,
@@ -292,13 +274,13 @@ class NerfstudioRecording:
             raise ValueError(f"need indices in 0..{len(self) - 1}, got {list(indices)}")
         chosen = [self.views[i] for i in indices]
         entries = [{**self.views[i].entry, "source_index": int(i)} for i in indices]
-        text = json.dumps({**_top_of_subset(self, chosen), "frames": entries}, indent=1)
+        text = json.dumps({**top_of_subset(self.top, chosen), "frames": entries}, indent=1)
         with complete_or_absent(out) as folder:
-            for name in _files_of(self, chosen):
+            for name in files_of(self.path, self.top, chosen):
                 source = self.root / name
                 data = read_bytes(source, within=None if follow_links else self.root)
-                if _may_tell(name) and not keep_exif:
-                    data = _without_metadata(source, data)
+                if may_tell(name) and not keep_exif:
+                    data = told_nothing(source, data)
                 target = folder / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(data)
@@ -399,8 +381,8 @@ def _opened(root: Path, *, confined: bool = False) -> NerfstudioRecording:
     path = file_of(root)
     scale = Fields(path, top, {}).positive("applied_scale", 1.0)
     Fields(path, top, {}).check_paths()
-    views = [_view(root, fields, scale, within) for fields in frames_of(path, top)]
-    _refuse_twice(path, views)
+    views = [view_of(root, fields, scale, within) for fields in frames_of(path, top)]
+    refuse_twice(path, views)
     stems = Counter(view.name for view in views)
     if max(stems.values()) > 1:
         views = [replace(view, name=f"{i:05d}_{view.name}") for i, view in enumerate(views)]
@@ -415,7 +397,7 @@ def _check_unit(recording: NerfstudioRecording) -> None:
     unstated = [
         number
         for number, view in enumerate(recording.views)
-        if view.depth is not None and not _states_unit(recording._fields(number))
+        if view.depth is not None and not states_unit(recording._fields(number))
     ]
     ratio = depth_over_distance(unstated, recording.cameras, recording.read) if unstated else None
     if ratio is not None and not 1 / MOST < ratio < MOST:
@@ -426,115 +408,6 @@ def _check_unit(recording: NerfstudioRecording) -> None:
             field=UNIT,
             remedy=f"write the unit of depth in metres, here perhaps {MILLIMETRE_M / ratio:.2g}",
         )
-
-
-def _view(root: Path, fields: Fields, applied_scale: float, within: Path | None) -> RecordedView:
-    fields.check_paths()
-    picture = fields.file("file_path")
-    if picture is None:
-        raise fields.wrong("file_path", "is missing")
-    world_from_cam = pose_of(fields, applied_scale)
-    lens = lens_of(fields, picture_size_px(root / picture, within=within))
-    depth, depth_unit_m = depth_of(fields) or (None, 0.001)
-    points = None
-    if depth is not None:
-        _check_aspect(root / depth, depth_size_px(root / depth, within=within), lens)
-        if not _states_unit(fields) and is_floating(root / depth, within=within):
-            raise fields.wrong(
-                UNIT,
-                "is missing, and floating-point depth is in metres as often as in millimetres",
-                remedy="write 1 for metres or 0.001 for millimetres, in the frame or at the top",
-            )
-    else:
-        points = fields.file("ply_file_path")
-    mask = fields.file("mask_path")
-    if mask is not None:
-        _check_aspect(root / mask, picture_size_px(root / mask, within=within), lens)
-    for key in _ASIDES:  # what is missing is found now, also where it is not needed to read on
-        fields.file(key)
-    has_time = fields.own.get("timestamp") is not None
-    return RecordedView(
-        name=picture.stem,
-        picture=picture,
-        depth=depth,
-        depth_unit_m=depth_unit_m,
-        lens=lens,
-        camera=Camera(lens.pinhole, world_from_cam),
-        timestamp_s=fields.number("timestamp") if has_time else None,
-        points=points,
-        mask=mask,
-        points_unit_m=1.0 / applied_scale,
-        entry=fields.own,
-    )
-
-
-def _states_unit(fields: Fields) -> bool:
-    """Return whether a frame's depth states its unit; that of `depth_path` always does."""
-    return fields.get(UNIT) is not None or fields.get("depth_file_path") is None
-
-
-def _check_aspect(path: Path, size_px: tuple[int, int], lens: Lens) -> None:
-    if not same_aspect(size_px, lens.pinhole.size_px):
-        (width, height), (full_width, full_height) = size_px, lens.pinhole.size_px
-        raise RecordingError(
-            path,
-            f"is {width}x{height}, not of the aspect of its picture ({full_width}x{full_height})",
-            remedy="crop or pad it to the picture's field of view",
-        )
-
-
-def _refuse_twice(path: Path, views: Sequence[RecordedView]) -> None:
-    first: dict[Path, int] = {}
-    for number, view in enumerate(views):
-        if view.picture in first:
-            raise RecordingError(
-                path,
-                f"is the picture of frames[{first[view.picture]}] too",
-                field=f"frames[{number}].file_path",
-                remedy="remove one of the two frames",
-            )
-        first[view.picture] = number
-
-
-def _top_of_subset(
-    recording: NerfstudioRecording, chosen: Sequence[RecordedView]
-) -> dict[str, Any]:
-    """Return the shared fields; lists of names for training and testing keep what is there."""
-    top = dict(recording.top)
-    names = {view.entry["file_path"] for view in chosen}
-    for key in _SPLITS:
-        if isinstance(top.get(key), list):
-            top[key] = [name for name in top[key] if name in names]
-    return top
-
-
-def _files_of(recording: NerfstudioRecording, chosen: Sequence[RecordedView]) -> list[Path]:
-    """Return the files that a subset needs, once each."""
-    path = recording.path
-    files = {view.picture: None for view in chosen}
-    files |= {view.depth: None for view in chosen if view.depth is not None}
-    own = [Fields(path, view.entry, {}) for view in chosen]
-    asides = [fields.file(key) for key in _ASIDES for fields in own]
-    asides.append(Fields(path, recording.top, {}).file("ply_file_path"))
-    files |= {aside: None for aside in asides if aside is not None}
-    return list(files)
-
-
-def _may_tell(name: Path) -> bool:
-    """Return whether a file may hold metadata."""
-    return name.suffix.lower() not in _NO_PICTURES
-
-
-def _without_metadata(path: Path, data: bytes) -> bytes:
-    try:
-        return without_metadata(data)
-    except ValueError as error:
-        raise _tells(path, str(error)) from error
-
-
-def _tells(path: Path, problem: str) -> RecordingError:
-    remedy = "store it as JPEG or PNG, or keep its metadata by --keep-exif"
-    return RecordingError(path, problem, remedy=remedy)
 
 
 def _opened_again(folder: Path, out: Path, chosen: Sequence[RecordedView]) -> NerfstudioRecording:

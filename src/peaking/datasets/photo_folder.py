@@ -1,9 +1,12 @@
-"""A folder of photos: poses from COLMAP; focal length, and the turn of each, from EXIF."""
+"""A folder of photos: poses from COLMAP; focal length, and the turn of each, from EXIF.
+
+A folder without photos of its own is one too, where its folders hold nothing else, as a camera has.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -20,12 +23,23 @@ from peaking.datasets.found_poses import (
     recording_in,
 )
 from peaking.datasets.posed_frames import PictureSource, PosedRecording, StoredPicture
-from peaking.datasets.stored_images import picture_size_px, read_picture
-from peaking.pictures.exif import HEAD_BYTES, exif_of
+from peaking.datasets.stored_images import (
+    explained,
+    picture_bytes,
+    picture_size_px,
+    read_picture,
+)
+from peaking.pictures import heif
+from peaking.pictures.decoding import heif_head
+from peaking.pictures.exif import HEAD_BYTES, exif_of, exif_of_block
 from peaking.poses.extra import imported
 from peaking.poses.structure import Photograph
 
-ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp")
+ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif")
+_BESIDE = (".aae", ".db", ".ini", ".mov", ".mp4")
+"""What phones and file managers put beside photos."""
+_DEPTH = 3
+"""Of folders in folders."""
 _TURNS = {3: cv2.ROTATE_180, 6: cv2.ROTATE_90_CLOCKWISE, 8: cv2.ROTATE_90_COUNTERCLOCKWISE}
 _MIRRORED = {2: 1, 4: 3, 5: 8, 7: 6}
 """EXIF's mirrored orientations: each is this turn, of the picture flipped left to right."""
@@ -84,7 +98,7 @@ def open_recording(root: Path, *, confined: bool = False) -> PosedRecording:
     """Open a folder of photos; the first time their poses are looked for, which takes minutes.
 
     Args:
-        root: The folder; those in it are not looked at.
+        root: The folder; those in it are looked at where it holds no photo itself.
         confined: Read no file through a link that leaves the folder, now and later.
 
     Raises:
@@ -101,20 +115,41 @@ def open_recording(root: Path, *, confined: bool = False) -> PosedRecording:
 
     def make(out: Path) -> None:
         imported()
-        pictures = [_unplaced(root / name, within) for name in _names(root)]
+        pictures = [_unplaced(root, name, within) for name in _names(root)]
         find_once(out, root, pictures, source, in_order=False)
 
     return recording_in(made_once(root, "photos", make), root, "photos", source, within=within)
 
 
 def _names(root: Path) -> list[str]:
-    """Return the names of the pictures, numbers in them in the order of numbers."""
-    names = [
-        entry.name
-        for entry in root.iterdir()
-        if entry.suffix.lower() in ENDINGS and entry.is_file() and not entry.name.startswith(".")
-    ]
-    return sorted(names, key=_natural)
+    """Return the pictures, relative to the folder, numbers in their names in order."""
+    own = [name for name in _files(root) if Path(name).suffix.lower() in ENDINGS]
+    return sorted(own or _in_folders(root), key=_natural)
+
+
+def _in_folders(root: Path) -> list[str]:
+    """Return the pictures of the folders in a folder; none where these hold anything else."""
+    found: list[str] = []
+    level = [Path()]
+    for _ in range(_DEPTH):
+        level = [folder / name for folder in level for name in _folders(root / folder)]
+        for folder in level:
+            for name in _files(root / folder):
+                ending = Path(name).suffix.lower()
+                if ending not in ENDINGS + _BESIDE:
+                    return []
+                found += [str(folder / name)] if ending in ENDINGS else []
+    return found
+
+
+def _files(folder: Path) -> list[str]:
+    entries = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    return [entry.name for entry in entries if entry.is_file()]
+
+
+def _folders(folder: Path) -> list[str]:
+    entries = (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    return [entry.name for entry in entries if entry.is_dir() and not entry.is_symlink()]
 
 
 def _natural(name: str) -> tuple[list[tuple[int, str]], str]:
@@ -122,15 +157,22 @@ def _natural(name: str) -> tuple[list[tuple[int, str]], str]:
     return [(int(w), "") if w.isascii() and w.isdigit() else (-1, w) for w in words], name
 
 
-def _unplaced(path: Path, within: Path | None) -> Unplaced:
-    exif = exif_of(read_bytes(path, HEAD_BYTES, within=within))
-    width, height = picture_size_px(path, within=within)
+def _unplaced(root: Path, name: str, within: Path | None) -> Unplaced:
+    path = root / name
+    head = read_bytes(path, HEAD_BYTES, within=within)
+    if heif.is_heif(head):  # decoded upright
+        data = picture_bytes(path, within)
+        width, height, block = explained(path, heif_head, data)
+        exif = replace(exif_of_block(block), orientation=1)
+    else:
+        exif = exif_of(head)
+        width, height = picture_size_px(path, within=within)
     focal_px = exif.focal_px(width, height)
     size_px = (height, width) if exif.orientation >= 5 else (width, height)
     source = TurnedPicture(path, size_px, exif.orientation, within)
     known = "" if focal_px is None else f" {focal_px:.0f}"
     return Unplaced(
-        path.name,
+        name,
         Photograph(lambda: for_features(source.read()), size_px, f"{size_px}{known}", focal_px),
         orientation=exif.orientation,
     )

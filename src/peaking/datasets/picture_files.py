@@ -10,16 +10,15 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from peaking.datasets.lens import Lens
+from peaking.datasets.lens import Lens, same_aspect
 from peaking.datasets.posed_frames import PosedFrame
 from peaking.datasets.stored_images import picture_size_px
-from peaking.datasets.transforms_json import same_aspect
 from peaking.errors import RecordingError
 from peaking.geometry import Camera, near_origin_m
 
 FOLDERS = ("images", "images_2", "images_4", "images_8", "input", "")
 """Where pictures lie beside a file of cameras, the largest first; "" is the folder itself."""
-ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".heic", ".bmp")
+ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif")
 _MASKS = "masks"
 
 

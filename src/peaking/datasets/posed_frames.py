@@ -18,15 +18,14 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
+from peaking.datasets.depth_files import depth_size_px, read_depth
 from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.datasets.nerfstudio_writer import WrittenFrame, write_frames
 from peaking.datasets.recording import Recording
 from peaking.datasets.stored_images import (
     as_handed_on,
-    depth_size_px,
     picture_size_px,
-    read_depth,
     read_grey,
     read_mask,
     read_picture,

@@ -16,11 +16,10 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from peaking.datasets.foreign_files import read_bytes
-from peaking.datasets.lens import Lens
+from peaking.datasets.lens import Lens, same_aspect
 from peaking.datasets.lzfse_blocks import unpacked
 from peaking.datasets.posed_frames import PosedFrame, PosedRecording, StoredPicture, surely
 from peaking.datasets.text_tables import counted, in_number_order, rotation_of_quaternion
-from peaking.datasets.transforms_json import same_aspect
 from peaking.errors import RecordingError
 from peaking.foreign_json import decode_json
 from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Pinhole, Rigid, World

@@ -12,9 +12,11 @@ from peaking.datasets import (
     arkitscenes,
     colmap,
     llff,
+    metashape,
     nerfstudio,
     photo_folder,
     polycam,
+    realityscan,
     record3d,
     scannet,
     stray,
@@ -131,6 +133,22 @@ FORMATS: Sequence[Format] = (
         "a raw scan with lowres_wide.traj",
         arkitscenes.recognises,
         _looked_at(arkitscenes.open_recording),
+    ),
+    Format(
+        "metashape",
+        "cameras exported as XML, beside their pictures",
+        metashape.recognises,
+        lambda root, reading, confined: metashape.open_recording(
+            root, images=reading.images, confined=confined
+        ),
+    ),
+    Format(
+        "realityscan",
+        "camera parameters as CSV beside their pictures, or pictures with .xmp files",
+        realityscan.recognises,
+        lambda root, reading, confined: realityscan.open_recording(
+            root, images=reading.images, confined=confined
+        ),
     ),
     Format(
         "video",

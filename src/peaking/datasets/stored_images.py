@@ -1,7 +1,8 @@
-"""Pictures and depth maps as they lie in files: size from the header, pixels only if complete.
+"""Pictures and masks as they lie in files: size from the header, pixels only if complete.
 
 Decoders are lenient: a file that was cut off by a full card comes back as a picture with a grey
-end. Here it is an error. A turn noted in EXIF is ignored, as nerfstudio and COLMAP do.
+end. Here it is an error. A turn noted in EXIF is ignored, as nerfstudio and COLMAP do; that of a
+HEIC is a part of how it is decoded.
 """
 
 from __future__ import annotations
@@ -13,26 +14,24 @@ from typing import TypeVar
 import cv2
 import numpy as np
 import simplejpeg
-from jaxtyping import Bool, Float32, Integer, UInt8
-from numpy.lib.format import open_memmap
+from jaxtyping import Bool, Integer, UInt8
 
-from peaking.datasets.foreign_files import read_bytes, real_path
+from peaking.datasets.foreign_files import read_bytes
 from peaking.errors import RecordingError
 from peaking.limits import MAX_PICTURE_BYTES
-from peaking.pictures import jpeg, png, webp
-from peaking.pictures.decoding import decode_jpeg, decode_stored
+from peaking.pictures import heif, jpeg, png, webp
+from peaking.pictures.decoding import decode_jpeg, decode_stored, heif_head
 from peaking.pictures.metadata import is_removable, without_metadata
 from peaking.pictures.too_costly import TooCostly, check_pixels
 
 T = TypeVar("T")
 V = TypeVar("V")
 
-_HEADER_BYTES = 1 << 16
+HEADER_BYTES = 1 << 16
 _BAND_ROWS = 256
 """Converted at once: the intermediate floats of a whole large picture would fill the memory."""
 
-_CUT_OFF = "copy it again from the camera, or leave this frame out"
-_DEPTH_FORMAT = "store depth as a 16-bit PNG with one channel, or as an .npy array (height, width)"
+CUT_OFF = "copy it again from the camera, or leave this frame out"
 
 
 def picture_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
@@ -47,19 +46,21 @@ def picture_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int
     Raises:
         RecordingError: The file cannot be read, is no picture, or is larger than what is read.
     """
-    head = _head(path, within)
+    head = head_of(path, within)
     if head.startswith(png.START):
-        width, height, _, _ = _explained(path, png.png_header, head)
+        width, height, _, _ = explained(path, png.png_header, head)
         return width, height
     if head.startswith(jpeg.START):
         try:
             height, width, _, _ = simplejpeg.decode_jpeg_header(head)
         except ValueError:  # a thumbnail or colour profile may come first
-            return _explained(path, jpeg.check_jpeg, _picture_bytes(path, within))
-        _explained(path, lambda size_px: check_pixels(*size_px), (int(width), int(height)))
+            return explained(path, jpeg.check_jpeg, picture_bytes(path, within))
+        explained(path, lambda size_px: check_pixels(*size_px), (int(width), int(height)))
         return int(width), int(height)
     if webp.is_webp(head):
-        return _explained(path, webp.check_webp, head)
+        return explained(path, webp.check_webp, head)
+    if heif.is_heif(head):
+        return explained(path, heif_head, picture_bytes(path, within))[:2]
     height, width = read_picture(path, within=within).shape[:2]
     return width, height
 
@@ -75,10 +76,10 @@ def read_picture(path: Path, *, within: Path | None = None) -> UInt8[np.ndarray,
         RecordingError: The file cannot be read, is no picture, is not complete, or would take too
             much memory or time (`peaking.limits`).
     """
-    data = _picture_bytes(path, within)
+    data = picture_bytes(path, within)
     if data.startswith(jpeg.START):
-        return _explained(path, decode_jpeg, data)
-    stored = _explained(path, decode_stored, data)
+        return explained(path, decode_jpeg, data)
+    stored = explained(path, decode_stored, data)
     if stored.dtype.str not in ("|u1", "<u2"):
         raise RecordingError(
             path, f"has pixels of type {stored.dtype}", remedy="store it as JPEG or 8-bit PNG"
@@ -109,74 +110,13 @@ def as_handed_on(data: bytes, *, keep_exif: bool = False) -> bytes | None:
         return None
 
 
-def depth_size_px(path: Path, *, within: Path | None = None) -> tuple[int, int]:
-    """Return width and height of a depth map from its header.
-
-    Args:
-        path: The file.
-        within: A folder; links that lead out of it are refused.
-
-    Raises:
-        RecordingError: The file cannot be read or is no depth map (16-bit grey PNG or .npy).
-    """
-    if path.suffix.lower() == ".npy":
-        height, width = _npy(path, within).shape
-        return width, height
-    head = _head(path, within)
-    width, height, bits, color = _explained(path, png.png_header, head, remedy=_DEPTH_FORMAT)
-    if (bits, color) != (16, 0):
-        channels = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGBA"}
-        raise RecordingError(path, f"is {bits}-bit {channels[color]}", remedy=_DEPTH_FORMAT)
-    return width, height
-
-
-def is_floating(path: Path, *, within: Path | None = None) -> bool:
-    """Return whether a depth map, whose header is sound, holds floating-point numbers.
-
-    Raises:
-        RecordingError: The file cannot be read.
-    """
-    return path.suffix.lower() == ".npy" and _npy(path, within).dtype.kind == "f"
-
-
-def read_depth(
-    path: Path, unit_m: float, *, within: Path | None = None
-) -> Float32[np.ndarray, "h w"] | None:
-    """Decode a depth map to metres, 0 = unknown; None where nothing is known.
-
-    Unknown is what is not finite or not > 0, and the largest number of integers and of 16-bit
-    floats: what a sensor writes where it measures nothing, or a program where something is too far.
-
-    Args:
-        path: The file.
-        unit_m: Of its values, in metres.
-        within: A folder; links that lead out of it are refused.
-
-    Raises:
-        RecordingError: The file cannot be read, or is not complete.
-    """
-    if path.suffix.lower() == ".npy":
-        stored = _npy(path, within)
-    else:
-        stored = _explained(path, decode_stored, _picture_bytes(path, within))
-    if stored.ndim != 2:
-        raise RecordingError(path, f"has shape {stored.shape}", remedy=_DEPTH_FORMAT)
-    with np.errstate(over="ignore"):  # what float32 has no room for is unknown
-        depth_m = stored.astype(np.float32) * np.float32(unit_m)
-    known = np.isfinite(depth_m) & (depth_m > 0)
-    most = _largest(stored.dtype)
-    if most is not None:
-        known &= stored != most
-    return np.where(known, depth_m, np.float32(0)) if known.any() else None
-
-
 def read_mask(path: Path, *, within: Path | None = None) -> Bool[np.ndarray, "h w"]:
     """Decode a mask, grey or of several channels: what is 0 in the first one does not count.
 
     Raises:
         RecordingError: The file cannot be read, or is not complete.
     """
-    stored = _explained(path, decode_stored, _picture_bytes(path, within))
+    stored = explained(path, decode_stored, picture_bytes(path, within))
     return (stored if stored.ndim == 2 else stored[..., 0]) > 0
 
 
@@ -186,32 +126,39 @@ def read_grey(path: Path, *, within: Path | None = None) -> Integer[np.ndarray, 
     Raises:
         RecordingError: The file cannot be read, or is not complete.
     """
-    return _explained(path, decode_stored, _picture_bytes(path, within))
+    return explained(path, decode_stored, picture_bytes(path, within))
 
 
-def _largest(kind: np.dtype) -> float | None:
-    """Return the largest number of a type where it is no measurement: of all but large floats."""
-    if kind.kind in "ui":
-        return float(np.iinfo(kind).max)
-    return float(np.finfo(kind).max) if kind.itemsize == 2 else None
+def head_of(path: Path, within: Path | None) -> bytes:
+    """Return the first bytes of a file.
+
+    Raises:
+        RecordingError: It cannot be read, or is empty.
+    """
+    return _not_empty(path, read_bytes(path, HEADER_BYTES, within=within))
 
 
-def _head(path: Path, within: Path | None) -> bytes:
-    return _not_empty(path, read_bytes(path, _HEADER_BYTES, within=within))
+def picture_bytes(path: Path, within: Path | None) -> bytes:
+    """Return all bytes of a picture or a depth map.
 
-
-def _picture_bytes(path: Path, within: Path | None) -> bytes:
+    Raises:
+        RecordingError: It cannot be read, is empty, or has more than is read.
+    """
     return _not_empty(path, read_bytes(path, within=within, at_most=MAX_PICTURE_BYTES))
 
 
 def _not_empty(path: Path, data: bytes) -> bytes:
     if not data:
-        raise RecordingError(path, "is empty", remedy=_CUT_OFF)
+        raise RecordingError(path, "is empty", remedy=CUT_OFF)
     return data
 
 
-def _explained(path: Path, look: Callable[[V], T], at: V, *, remedy: str = _CUT_OFF) -> T:
-    """Look at the bytes of a file; what is wrong with them is said with its name."""
+def explained(path: Path, look: Callable[[V], T], at: V, *, remedy: str = CUT_OFF) -> T:
+    """Look at the bytes of a file; what is wrong with them is said with its name.
+
+    Raises:
+        RecordingError: Something is.
+    """
     try:
         return look(at)
     except TooCostly as error:
@@ -233,18 +180,3 @@ def _rgb_of(stored: np.ndarray) -> np.ndarray:
         over_white = stored[..., :3] * alpha + 255 * (1 - alpha)
         stored = np.round(over_white).astype(np.uint8)
     return cv2.cvtColor(stored, cv2.COLOR_BGR2RGB)
-
-
-def _npy(path: Path, within: Path | None) -> np.ndarray:
-    """Map an .npy file into memory; its length is checked against its header."""
-    with real_path(path, within=within) as opened:
-        try:
-            array = open_memmap(opened, mode="r")  # np.load opens archives and pickles too
-        except Exception as error:  # damaged bytes raise anything
-            raise RecordingError(path, f"is not a sound .npy ({error})", remedy=_CUT_OFF) from error
-    if array.ndim != 2 or array.dtype.kind not in "uif" or array.size == 0:
-        raise RecordingError(
-            path, f"holds {array.dtype} of shape {array.shape}", remedy=_DEPTH_FORMAT
-        )
-    _explained(path, lambda shape: check_pixels(shape[1], shape[0]), array.shape)
-    return array

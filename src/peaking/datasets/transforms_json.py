@@ -1,8 +1,8 @@
 """The fields of transforms.json, each checked once, with the field's name in every complaint.
 
 A field may stand in a frame or, for all frames, at the top. Of the dialects, nerfstudio's,
-instant-ngp's and Blender's are read; lenses that are no pinhole with OpenCV's five distortion
-coefficients are refused.
+instant-ngp's and Blender's are read. Paths are made relative to the recording when the file is
+read (`transforms_paths`); its lenses are read in `transforms_lens`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +18,15 @@ from typing import Any, cast
 import numpy as np
 
 from peaking.datasets.foreign_files import read_bytes
-from peaking.datasets.lens import Lens
+from peaking.datasets.transforms_paths import (
+    PICTURE_ENDINGS,
+    inner_values,
+    leaves,
+    make_relative,
+    paths_in,
+)
 from peaking.errors import RecordingError
-from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Pinhole, Rigid, World
+from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Rigid, World
 from peaking.limits import MAX_TRANSFORMS_BYTES, MAX_TRANSFORMS_DEPTH, MAX_TRANSFORMS_VALUES
 
 Json = Mapping[str, Any]
@@ -35,13 +40,6 @@ UNIT = "depth_unit_scale_factor"
 MILLIMETRE_M = 0.001
 """The unit of depth maps in whole numbers that state none, as nerfstudio has it."""
 _NGP_UNIT, _NERFCAPTURE_UNIT = "integer_depth_scale", "depth_integer_scale"
-_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
-_BENDS = ("k1", "k2", "p1", "p2", "k3")
-_BENDS_TOO_MUCH = ("k4", "k5", "k6")
-_PICTURE_ENDINGS = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
-_LEAVES = re.compile(r"/|\.\.(/|\Z)|[A-Za-z]:")
-"""How a path begins that leaves its folder: a root, the folder above, a drive."""
-_PATHS = ("_path", "_paths", "_filename", "_filenames")
 _EXPORT_AGAIN = "export the recording again as nerfstudio's transforms.json"
 
 
@@ -76,7 +74,7 @@ class Fields:
         if value is None:
             raise self.wrong(key, f"is missing{', here and at the top' if self.place else ''}")
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.wrong(key, f"need a number, got {_shown(value)}")
+            raise self.wrong(key, f"need a number, got {shown(value)}")
         try:
             number = float(value)
         except OverflowError:
@@ -105,7 +103,7 @@ class Fields:
         if value is None:
             return None
         if not isinstance(value, str) or not value:
-            raise self.wrong(key, f"need a text, got {_shown(value)}")
+            raise self.wrong(key, f"need a text, got {shown(value)}")
         return value
 
     def file(self, key: str) -> Path | None:
@@ -118,7 +116,7 @@ class Fields:
         if text is None:
             return None
         name = self._inside(key, text)
-        endings = _PICTURE_ENDINGS if key == "file_path" else ("",)
+        endings = PICTURE_ENDINGS if key == "file_path" else ("",)
         # os.path's test answers False for names that no file can have; Path's raises.
         root = self.path.parent
         found = (name + end for end in endings if os.path.isfile(root / (name + end)))  # noqa: PTH113
@@ -126,10 +124,19 @@ class Fields:
         if existing is None:
             raise self.wrong(
                 key,
-                f"there is no file {_shown(text)}",
+                f"there is no file {shown(text)}",
                 remedy=f"put it there or remove {'the frame' if key == 'file_path' else key}",
             )
         return Path(existing)
+
+    def has_file(self, key: str) -> bool:
+        """Return whether a field names a file that exists.
+
+        Raises:
+            RecordingError: No text, or outside the folder.
+        """
+        text = self.text(key)
+        return text is not None and os.path.isfile(self.path.parent / self._inside(key, text))  # noqa: PTH113
 
     def check_paths(self) -> None:
         """Refuse every own field that is a path, also of other programs, and leaves the recording.
@@ -142,20 +149,19 @@ class Fields:
         """
         for key, value in self.own.items():
             if key != "frames":
-                for path in _texts(value, is_path=key.endswith(_PATHS)):
+                for path in paths_in(key, value):
                     self._inside(key, path)
 
     def _inside(self, key: str, text: str) -> str:
         """Return a path in its shortest form."""
-        name = os.path.normpath(text)
-        if _LEAVES.match(name) or "\\" in text or "\0" in text:
+        if leaves(text):
             raise self.wrong(
                 key,
-                f"points outside the recording: {_shown(text)}",
+                f"points outside the recording: {shown(text)}",
                 remedy="put the file into the folder and name it relative to transforms.json, "
                 'with "/" between folders',
             )
-        return name
+        return os.path.normpath(text)
 
 
 def file_of(root: Path) -> Path:
@@ -210,11 +216,12 @@ def _read(path: Path, within: Path | None) -> Json:
     except (ValueError, RecursionError) as error:
         raise RecordingError(path, f"is not JSON ({error})", remedy=_EXPORT_AGAIN) from error
     if not isinstance(value, dict):
-        problem = f"need a JSON object, got {_shown(value)}"
+        problem = f"need a JSON object, got {shown(value)}"
         raise RecordingError(path, problem, remedy=_EXPORT_AGAIN)
     if _is_deep(cast(Json, value)):
         problem = f"is nested more than {MAX_TRANSFORMS_DEPTH} deep"
         raise RecordingError(path, problem, remedy=_EXPORT_AGAIN)
+    make_relative(cast("dict[str, Any]", value), path.parent)
     return cast(Json, value)
 
 
@@ -229,58 +236,16 @@ def frames_of(path: Path, top: Json) -> Iterator[Fields]:
         raise fields.wrong("frames", "is missing")
     frames = top["frames"]
     if not isinstance(frames, list):
-        raise fields.wrong("frames", f"need a list, got {_shown(frames)}")
+        raise fields.wrong("frames", f"need a list, got {shown(frames)}")
     if not frames:
         raise fields.wrong("frames", "is empty", remedy="record at least one picture")
     shared = {key: value for key, value in top.items() if key != "frames"}
     for number, own in enumerate(cast(list[Any], frames)):
         place = f"frames[{number}]"
         if not isinstance(own, dict):
-            problem = f"need an object, got {_shown(own)}"
+            problem = f"need an object, got {shown(own)}"
             raise RecordingError(path, problem, field=place, remedy=_EXPORT_AGAIN)
         yield Fields(path, cast(Json, own), shared, place)
-
-
-def lens_of(fields: Fields, stored_px: tuple[int, int]) -> Lens:
-    """Return the lens of a frame for its stored picture, whose size may be a multiple of w, h.
-
-    Raises:
-        RecordingError: A field is missing or wrong, the lens is of another kind or folds the
-            picture, or the picture has another aspect.
-    """
-    _refuse_other_lenses(fields)
-    by_angle = fields.get("fl_x") is None and fields.get("camera_angle_x") is not None
-    if by_angle and fields.get("w") is None and fields.get("h") is None:
-        width_px, height_px = stored_px  # Blender's files hold no size
-    else:
-        width_px, height_px = fields.count("w"), fields.count("h")
-    if by_angle:
-        fx_px = width_px / 2 / math.tan(_angle_rad(fields, "camera_angle_x") / 2)
-        fy_px = fx_px
-        if fields.get("camera_angle_y") is not None:
-            fy_px = height_px / 2 / math.tan(_angle_rad(fields, "camera_angle_y") / 2)
-        cx_px, cy_px = fields.number("cx", width_px / 2), fields.number("cy", height_px / 2)
-    else:
-        fx_px = fields.positive("fl_x")
-        fy_px = fields.positive("fl_y", fx_px)
-        cx_px, cy_px = fields.number("cx"), fields.number("cy")
-    if not same_aspect(stored_px, (width_px, height_px)):
-        raise fields.wrong(
-            "w",
-            f"w, h are {width_px}x{height_px}, but the picture is {stored_px[0]}x{stored_px[1]}",
-            remedy="turn or crop the picture to that aspect, or correct the intrinsics",
-        )
-    pinhole = Pinhole(width_px, height_px, fx_px, fy_px, cx_px, cy_px)
-    k1, k2, p1, p2, k3 = (fields.number(key, 0.0) for key in _BENDS)
-    lens = Lens(pinhole, (k1, k2, p1, p2, k3))
-    if lens.fault is not None:
-        bends = ", ".join(f"{key} {fields.number(key, 0.0):g}" for key in _BENDS)
-        raise fields.wrong(
-            next(key for key in _BENDS if fields.number(key, 0.0) != 0),
-            f"the lens would {lens.fault} ({bends})",
-            remedy="calibrate the camera again with more pictures, or with k1 and k2 alone",
-        )
-    return lens.resized(*stored_px)
 
 
 def pose_of(fields: Fields, applied_scale: float) -> Rigid[World, Cam]:
@@ -298,7 +263,7 @@ def pose_of(fields: Fields, applied_scale: float) -> Rigid[World, Cam]:
     except (ValueError, OverflowError):
         matrix = np.array(None)
     if matrix.shape != (4, 4) or matrix.dtype.kind not in "if":
-        raise fields.wrong(key, f"need 4 rows of 4 numbers, got {_shown(value)}")
+        raise fields.wrong(key, f"need 4 rows of 4 numbers, got {shown(value)}")
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers end as "not rigid"
             world_from_opengl = Rigid[World, Cam].from_matrix(matrix.astype(np.float64))
@@ -318,12 +283,15 @@ def depth_of(fields: Fields) -> tuple[Path, float] | None:
     path = fields.file("depth_file_path")
     if path is not None:
         return path, fields.positive(UNIT, MILLIMETRE_M)
+    is_nerfcaptures = fields.get(_NGP_UNIT) is None and fields.get(_NERFCAPTURE_UNIT) is not None
+    if is_nerfcaptures and not fields.has_file("depth_path"):
+        return None  # the app names maps that it does not write
     path = fields.file("depth_path")
     if path is None:
         return None
     if fields.get(UNIT) is not None:
         return path, fields.positive(UNIT)
-    if fields.get(_NGP_UNIT) is None and fields.get(_NERFCAPTURE_UNIT) is not None:
+    if is_nerfcaptures:
         raise fields.wrong(
             _NERFCAPTURE_UNIT,
             "is no unit of depth_path: NeRFCapture writes 1, whatever the unit",
@@ -333,69 +301,15 @@ def depth_of(fields: Fields) -> tuple[Path, float] | None:
     return path, fields.positive(_NGP_UNIT)  # instant-ngp has no default
 
 
-def same_aspect(small_px: tuple[int, int], large_px: tuple[int, int]) -> bool:
-    """Return whether both cover the same field of view, to within one pixel of the first."""
-    (width, height), (large_width, large_height) = small_px, large_px
-    return (
-        abs(width * large_height / large_width - height) <= 1
-        or abs(height * large_width / large_height - width) <= 1
-    )
-
-
-def _refuse_other_lenses(fields: Fields) -> None:
-    model = fields.text("camera_model") or "OPENCV"
-    remedy = "undistort the pictures first (colmap image_undistorter, or nerfstudio's own tools)"
-    if model not in _MODELS:
-        raise fields.wrong(
-            "camera_model",
-            f"{_shown(model)} cannot be read: only {', '.join(_MODELS)}",
-            remedy=remedy,
-        )
-    if fields.get("is_fisheye"):
-        raise fields.wrong("is_fisheye", "fisheye lenses cannot be read", remedy=remedy)
-    for key in _BENDS_TOO_MUCH:
-        if fields.number(key, 0.0) != 0:
-            raise fields.wrong(
-                key,
-                f"only {', '.join(_BENDS)} can be undistorted, but {key} is not 0",
-                remedy=remedy,
-            )
-
-
 def _is_deep(value: Json) -> bool:
     """Return whether lists and objects are nested deeper than is read."""
     level: list[Any] = [value]
     for _ in range(MAX_TRANSFORMS_DEPTH):
-        level = [inner for outer in level for inner in _inside(outer)]
+        level = [inner for outer in level for inner in inner_values(outer)]
     return bool(level)
 
 
-def _inside(value: Any) -> Iterator[Any]:
-    """Yield the lists and objects that a list or an object holds."""
-    inner = cast("Json", value).values() if isinstance(value, dict) else cast("list[Any]", value)
-    yield from (cast(Any, one) for one in inner if isinstance(one, list | dict))
-
-
-def _texts(value: Any, *, is_path: bool) -> Iterator[str]:
-    """Yield the texts in a value that are paths."""
-    if isinstance(value, str) and is_path:
-        yield value
-    elif isinstance(value, list):
-        for inner in cast("list[Any]", value):
-            yield from _texts(inner, is_path=is_path)
-    elif isinstance(value, dict):
-        for key, inner in cast("dict[str, Any]", value).items():
-            yield from _texts(inner, is_path=is_path or key.endswith(_PATHS))
-
-
-def _angle_rad(fields: Fields, key: str) -> float:
-    angle_rad = fields.positive(key)
-    if angle_rad >= math.pi:
-        raise fields.wrong(key, f"need an angle in radians, below pi, got {angle_rad:g}")
-    return angle_rad
-
-
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """Return a value as it stands in the file, shortened to fit in a sentence."""
     text = json.dumps(value, ensure_ascii=False)
     text = text if text.isprintable() else json.dumps(value)

@@ -17,10 +17,12 @@ import numpy as np
 import simplejpeg
 from jaxtyping import UInt8
 
+from peaking.errors import ToolMissing
 from peaking.limits import DECODER_SECONDS, MAX_PIXELS
-from peaking.pictures import png, webp
+from peaking.pictures import exr, heif, png, webp
 from peaking.pictures.jpeg import check_jpeg, tidied
-from peaking.pictures.too_costly import TooCostly
+from peaking.pictures.other_kinds import HEAD, MISSING, PIXELS
+from peaking.pictures.too_costly import TooCostly, check_pixels
 
 AS_STORED = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
 _NO_PICTURE = "is not a picture that can be decoded"
@@ -75,28 +77,51 @@ def decode_stored(data: bytes) -> np.ndarray:
     return stored
 
 
-def decode_elsewhere(data: bytes) -> np.ndarray:
+def decode_elsewhere(data: bytes, wanted: str = PIXELS) -> np.ndarray:
     """Decode a picture of any kind in a process with bounded memory and time, to what is stored.
+
+    Args:
+        data: The file.
+        wanted: `other_kinds.PIXELS` or `HEAD`, or a channel of an OpenEXR picture.
 
     Raises:
         ValueError: It is damaged or no picture, or needs too much memory.
         TooCostly: It takes too long.
+        ToolMissing: The extra that decodes its kind is not installed.
     """
     environment = os.environ | {
         "OPENCV_IO_MAX_IMAGE_PIXELS": str(MAX_PIXELS),
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-    command = [sys.executable, "-m", "peaking.pictures.other_kinds"]
+    command = [sys.executable, "-m", "peaking.pictures.other_kinds", wanted]
     try:
         done = subprocess.run(
             command, input=data, capture_output=True, timeout=DECODER_SECONDS, env=environment
         )
     except subprocess.TimeoutExpired:
         raise TooCostly("takes too long to decode", remedy="store it as JPEG or PNG") from None
+    if done.returncode == MISSING:
+        raise ToolMissing(exr.NEEDED if data.startswith(exr.START) else heif.NEEDED)
     start = done.stdout.find(b"\n") + 1
     if done.returncode != 0 or start == 0:
         raise ValueError(_NO_PICTURE)
     kind, *shape = done.stdout[:start].decode().split()
     pixels = np.frombuffer(done.stdout, np.uint8, offset=start)  # not copied: it may be gigabytes
     return pixels.view(kind).reshape([int(side) for side in shape])
+
+
+def heif_head(data: bytes) -> tuple[int, int, bytes]:
+    """Return width and height of a HEIC as it is seen, and its EXIF, which may be empty.
+
+    Raises:
+        ValueError: It is damaged.
+        TooCostly: It would take too much memory or time.
+        ToolMissing: The extra `heic` is not installed.
+    """
+    told = decode_elsewhere(data, HEAD)
+    if told.dtype != np.uint8 or told.ndim != 1 or len(told) < 8:
+        raise ValueError(_NO_PICTURE)
+    width, height = told[:8].view("<i4").tolist()
+    check_pixels(width, height)
+    return width, height, told[8:].tobytes()

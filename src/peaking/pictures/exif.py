@@ -54,9 +54,12 @@ class Exif:
 
 def exif_of(head: bytes) -> Exif:
     """Return what the first bytes of a JPEG or PNG say; nothing where there is no sound EXIF."""
-    block = _block(head)
-    if block is None:
-        return Exif()
+    return exif_of_block(_block(head) or b"")
+
+
+def exif_of_block(block: bytes) -> Exif:
+    """Return what a block of EXIF says, with or without its mark; nothing where it is not sound."""
+    block = block.removeprefix(_MARK)
     try:
         return _read(block)
     except (struct.error, ZeroDivisionError):

@@ -59,6 +59,8 @@ from peaking.server.sessions import SessionStore, UnknownSession
 from peaking.server.shown_files import shown_photo, shown_thumbnail, sound_mpi
 from peaking.server.told import cause_of, without_paths
 from peaking.server.traces import Played
+from peaking.server.training import STEPS, Trainings
+from peaking.server.training_routes import MadeHandlers
 from peaking.server.turns import Turns
 from peaking.server.upload import BadUpload, check_protocol, parse_upload
 from peaking.server.warm_up import WarmUp
@@ -95,6 +97,7 @@ class ServerOptions:
         keep_exif: Photos keep their metadata: where, when and with what they were taken.
         most_automatic: Views of a session that the automatic shutter took and that stay in its
             data set.
+        training_steps: Of a training of 3D Gaussians.
     """
 
     devices: Devices | None
@@ -105,6 +108,7 @@ class ServerOptions:
     pages: Sequence[str] = ()
     keep_exif: bool = False
     most_automatic: int = MOST_AUTOMATIC
+    training_steps: int = STEPS
 
     def __post_init__(self) -> None:
         """Refuse what no client can do.
@@ -156,6 +160,18 @@ class _Handlers:
             on_new=self._tell_guidance,
             is_busy=lambda: not (self.queue.idle and warm_up.done),
         )
+        self.trainings = Trainings(
+            on_change=self._tell_training,
+            is_busy=lambda: not (self.queue.at_rest and warm_up.done),
+            steps=config.training_steps,
+        )
+        self.made = MadeHandlers(
+            self.trainings,
+            session_of=self._session,
+            session_to_change=self._session_to_change,
+            pictures=self._pictures,
+            files=self._files,
+        )
         store.when_erased(self._erased)
         for session in store.sessions():
             self._make_missing(session)
@@ -174,6 +190,7 @@ class _Handlers:
         self.hub.close()
         for turns in (self._storing, self._pictures, self._selecting, self._converting):
             turns.close()
+        self.trainings.close()
         self.guidance.close()
         self.queue.close()
         self.keeper.close()
@@ -254,6 +271,7 @@ class _Handlers:
         if change.finished is not None:
             await self._changing(request, session.id, session.finish, change.finished)
         if change.deleted is True:
+            await run_in_threadpool(self.trainings.end, session.id)
             await self._changing(request, session.id, self.store.delete, session.id)
         self._tell_summary(session)
         return json_response(self._summary(session))
@@ -261,6 +279,7 @@ class _Handlers:
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
+        await run_in_threadpool(self.trainings.end, session_id)
         await self._changing(request, session_id, self.store.erase, session_id)
         return Response(status_code=204)
 
@@ -362,6 +381,8 @@ class _Handlers:
         capture = await self._changing(request, session.id, do, capture_id)
         if was_away and not capture.removed:
             await run_in_threadpool(self._make_missing, session)
+        if change.ending == "erased":  # it is in what was trained on it, too
+            await run_in_threadpool(self.trainings.forget, session)
         self._tell_capture(session, capture)
         self.guidance.want(session)
         await self._changing(request, session.id, session.refresh_dataset)
@@ -472,10 +493,14 @@ class _Handlers:
 
     def _tell_capture(self, session: OpenSession, capture: wire.Capture) -> None:
         self.hub.send(session.id, wire.CaptureChanged(capture))
+        self.trainings.changed(session)
         self._tell_summary(session)
 
     def _tell_guidance(self, session: OpenSession, revision: int) -> None:
         self.hub.send(session.id, wire.GuidanceChanged(revision))
+
+    def _tell_training(self, session: OpenSession, training: wire.Training) -> None:
+        self.hub.send(session.id, wire.TrainingChanged(training))
 
     def _tell_summary(self, session: OpenSession) -> None:
         event = wire.SessionChanged(self._summary(session))
@@ -553,6 +578,7 @@ def create_app(
     app = Starlette(
         routes=[
             *_api_routes(server),
+            *server.made.routes(),
             *DeviceHandlers(config.devices, config.pages).routes(),
             *routes_of_recordings(config.recordings),
             *client_pages(config.client_dir),

@@ -37,7 +37,9 @@ KNOWN = "peaking.known"
 """In the scope of a request: the device that sends it; None on a server for this machine only."""
 GUARDED = "peaking.guarded"
 CONTENT_POLICY = (
-    "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; "
+    # What draws 3D Gaussians is compiled for the browser, and allowed to run: no other code is.
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; "
+    "img-src 'self' blob: data:; media-src 'self' blob:; "
     "connect-src 'self' blob: data:; worker-src 'self' blob:; "
     "style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'none'; "
     "form-action 'self'; frame-ancestors 'none'"

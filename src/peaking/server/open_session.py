@@ -18,8 +18,9 @@ from pathlib import Path
 
 import msgspec
 
+from peaking.datasets.depth_files import read_depth
 from peaking.datasets.point_cloud import encode_points, read_points
-from peaking.datasets.stored_images import read_depth, read_picture
+from peaking.datasets.stored_images import read_picture
 from peaking.errors import PeakingError, RecordingError
 from peaking.frame import Frame
 from peaking.output import encode_png, flush, write_atomically, write_new

@@ -83,6 +83,17 @@ OPERATIONS = (
         query=tuple(wire.SelectionQuery.__struct_fields__),
     ),
     Operation("get", _SESSION + "/guidance", "Where next, and what is left", wire.Guidance),
+    Operation("get", _SESSION + "/training", "How far its training is", wire.Training),
+    Operation(
+        "put",
+        _SESSION + "/training",
+        "Train 3D Gaussians, or stop",
+        wire.Training,
+        wire.TrainingChange,
+    ),
+    Operation(
+        "get", _SESSION + "/training/splat/{version}", "What came out of it", bytes, media=BINARY
+    ),
     Operation(
         "get",
         _SESSION + "/dataset.zip",
@@ -103,6 +114,7 @@ OPERATIONS = (
     Operation("get", _CAPTURE + "/mpi", "Its first MPI", bytes, media=BINARY),
     Operation("get", _CAPTURE + "/mpi/{version}", "A version of its MPI", bytes, media=BINARY),
     Operation("get", _CAPTURE + "/photo", "Its photo", bytes, media="image/jpeg"),
+    Operation("get", _CAPTURE + "/points", "What it sees, as points", bytes, media=BINARY),
     Operation("get", _CAPTURE + "/thumbnail", "A small photo", bytes, media="image/jpeg"),
     Operation("get", "/api/v1/recordings/{recording}", "A recording", wire.RecordingIndex),
     Operation("get", _FRAME + "/photo", "A recorded picture", bytes, media="image/jpeg"),

@@ -34,6 +34,7 @@ def client_pages(client_dir: Path) -> list[BaseRoute]:
         Route("/check", page(client_dir / "check.html")),
         Route("/devices", page(client_dir / "devices.html")),
         Route("/sessions", page(client_dir / "sessions.html")),
+        Route("/view", page(client_dir / "view.html")),
         Mount("/", StaticFiles(directory=client_dir)),
     ]
 

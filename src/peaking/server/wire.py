@@ -300,6 +300,53 @@ class Guidance(Struct, frozen=True):
     """x, y, z of places in the world where views saw a surface, spread evenly."""
 
 
+SplatFormat = Literal["spz", "ply"]
+
+
+class WorstView(Struct, frozen=True):
+    """A view that Gaussians show less well than others."""
+
+    capture: Id
+    number: int
+    psnr_db: float
+    suggestion: str
+    """What would help, as a sentence."""
+
+
+class Training(Struct, frozen=True):
+    """GET /api/v1/sessions/{session}/training: 3D Gaussians that are trained on its views."""
+
+    state: Literal["none", "waiting", "running", "stopped", "done", "failed"]
+    """`waiting`: another training goes first. One that is stopped can go on."""
+    step: int
+    steps: int
+    """Of all."""
+    gaussians: int
+    views: int
+    """That are trained on …"""
+    held_out: int
+    """… and that are not, by which it is judged."""
+    psnr_db: float | None
+    """Mean over the views held out, at the end."""
+    elapsed_s: float
+    remaining_s: float | None
+    splat_version: int
+    """Of the newest Gaussians, GET …/training/splat/{version}; 0: there are none."""
+    splat_format: SplatFormat
+    splat_bytes: int
+    worst: list[WorstView]
+    """The views that are shown least well, at the end."""
+    outdated: bool
+    """Views came or went since it began."""
+    problem: str | None
+
+
+class TrainingChange(Struct, frozen=True):
+    """PUT /api/v1/sessions/{session}/training: begin or go on, or stop."""
+
+    state: Literal["running", "stopped"]
+
+
 class NewSession(Struct, frozen=True):
     """Begin a session, or find it again: PUT /api/v1/sessions/{session}."""
 
@@ -625,6 +672,12 @@ class GuidanceChanged(Struct, frozen=True, tag="GuidanceChanged"):
     revision: int
 
 
+class TrainingChanged(Struct, frozen=True, tag="TrainingChanged"):
+    """A training began, went on, has something to show, or ended."""
+
+    training: Training
+
+
 class SessionList(Struct, frozen=True, tag="SessionList"):
     """First event of /api/v1/events, for the dashboard; `SessionChanged` follows."""
 
@@ -634,5 +687,5 @@ class SessionList(Struct, frozen=True, tag="SessionList"):
     """A sentence for each session that cannot be opened."""
 
 
-SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged
+SessionEvent = SessionState | CaptureChanged | SessionChanged | GuidanceChanged | TrainingChanged
 ServerEvent = SessionList | SessionChanged

@@ -25,7 +25,13 @@ from peaking.splat.loss import (
     SSIM_SIGMA_PX,
     SSIM_WINDOW_PX,
 )
-from peaking.splat.optimiser import ADAM_BETAS, ADAM_EPSILON, MAX_GRADIENT, AdamState
+from peaking.splat.optimiser import (
+    ADAM_BETAS,
+    ADAM_EPSILON,
+    MAX_GRADIENT,
+    AdamState,
+    Progress,
+)
 from peaking.splat.rendering import DILATION_PX2, CutOffs, Rendering
 
 INSTALL = "install an NVIDIA driver, nvcc and pip install 'peaking[splat]', or use --backend numba"
@@ -100,6 +106,17 @@ class GsplatOptimiser:
     def mean_grad2d(self) -> Float32[np.ndarray, "n"]:
         """Return the mean length of the gradient by the projected centre."""
         return (self._grad2d / self._count.clamp(min=1)).cpu().numpy()
+
+    def progress(self) -> Progress:
+        """Return what else is needed to go on later."""
+        return Progress(self._steps, self._grad2d.cpu().numpy(), self._count.cpu().numpy())
+
+    def go_on(self, state: AdamState, progress: Progress) -> None:
+        """Go on from where another optimiser stopped."""
+        self.reset(state)
+        self._steps = progress.steps
+        self._grad2d = self._cuda.tensor(progress.grad2d)
+        self._count = self._cuda.tensor(progress.count)
 
     def _loss(self, image: Any, photo: Any) -> Any:
         """Return what `peaking.splat.loss.loss_and_gradient` returns first."""

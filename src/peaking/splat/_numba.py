@@ -12,7 +12,7 @@ from jaxtyping import Float32
 from peaking.frame import Frame
 from peaking.splat._adam_numba import adam_step
 from peaking.splat.loss import loss_and_gradient
-from peaking.splat.optimiser import AdamState
+from peaking.splat.optimiser import AdamState, Progress
 from peaking.splat.rendering import CutOffs
 from peaking.splat.tape import Tape
 
@@ -61,3 +61,14 @@ class NumbaOptimiser:
     def mean_grad2d(self) -> Float32[np.ndarray, "n"]:
         """Return the mean length of the gradient by the projected centre."""
         return self._grad2d / np.maximum(self._count, 1)
+
+    def progress(self) -> Progress:
+        """Return what else is needed to go on later."""
+        return Progress(self._steps, self._grad2d, self._count)
+
+    def go_on(self, state: AdamState, progress: Progress) -> None:
+        """Go on from where another optimiser stopped."""
+        self.reset(state)
+        self._steps = progress.steps
+        self._grad2d = progress.grad2d
+        self._count = progress.count

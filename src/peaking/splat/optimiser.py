@@ -36,6 +36,21 @@ class AdamState:
         return cls(parameters, np.zeros_like(parameters), np.zeros_like(parameters))
 
 
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What an optimiser remembers beside `AdamState`.
+
+    Attributes:
+        steps: Steps that were taken, of all.
+        grad2d: Sum of the lengths of the gradients by the projected centres, since refinement.
+        count: How often each Gaussian was seen since then.
+    """
+
+    steps: int
+    grad2d: Float32[np.ndarray, "n"]
+    count: Float32[np.ndarray, "n"]
+
+
 @runtime_checkable
 class Optimiser(Protocol):
     """Takes one step per photograph."""
@@ -54,4 +69,12 @@ class Optimiser(Protocol):
 
     def reset(self, state: AdamState) -> None:
         """Go on with other Gaussians; the mean of `mean_grad2d` starts again."""
+        ...
+
+    def progress(self) -> Progress:
+        """Return what else is needed to go on later."""
+        ...
+
+    def go_on(self, state: AdamState, progress: Progress) -> None:
+        """Go on from where another optimiser stopped."""
         ...

@@ -29,6 +29,7 @@ from peaking.splat.optimiser import AdamState, Optimiser
 from peaking.splat.options import SplatOptions
 from peaking.splat.refinement import refine
 from peaking.splat.rendering import C0
+from peaking.splat.snapshot import Snapshot
 
 __all__ = ["Backend", "SplatOptions", "Trainer", "TrainingStep", "train"]
 
@@ -130,6 +131,43 @@ class Trainer:
         if due and o.refine_start_share <= share <= o.refine_stop_share:
             self._refine()
         return TrainingStep(self._iteration, loss, self._num_gaussians)
+
+    @property
+    def iteration(self) -> int:
+        """Steps that were taken."""
+        return self._iteration
+
+    @property
+    def num_gaussians(self) -> int:
+        """Gaussians that there are."""
+        return self._num_gaussians
+
+    def snapshot(self) -> Snapshot:
+        """Return all that changes while one trains; to be written or used before the next step."""
+        return Snapshot(
+            self._optimiser.state(),
+            self._optimiser.progress(),
+            self._iteration,
+            tuple(self._waiting),
+            dict(self._rng.bit_generator.state),
+        )
+
+    def go_on(self, snapshot: Snapshot) -> None:
+        """Go on from where another training of the same pictures and options stopped.
+
+        Raises:
+            ValueError: It is of other pictures, or of other options.
+        """
+        columns = NUM_COLUMNS[self._options.sh_degree]
+        if snapshot.state.parameters.shape[1:] != (columns,):
+            raise ValueError(f"need parameters of {columns} columns to go on from")
+        if any(not 0 <= index < len(self._frames) for index in snapshot.waiting):
+            raise ValueError("need the pictures of the training that stopped")
+        self._optimiser.go_on(snapshot.state, snapshot.progress)
+        self._num_gaussians = len(snapshot.state.parameters)
+        self._iteration = snapshot.iteration
+        self._waiting = list(snapshot.waiting)
+        self._rng.bit_generator.state = snapshot.random
 
     def _learning_rates(self) -> Float32[np.ndarray, "columns"]:
         """Return one for each column of the parameters."""

@@ -81,6 +81,7 @@ export function reduce(state: CaptureState, action: CaptureAction): CaptureState
       remotes: new Map(state.remotes).set(action.capture.id, action.capture),
     };
     case 'SessionChanged': return { ...state, summary: action.summary };
+    case 'TrainingChanged': return state; // for who looks, later
     case 'GuidanceChanged': return { ...state, guidanceNews: state.guidanceNews + 1 };
     case 'LocalsRead': return { ...state, locals: byId(action.locals) };
     case 'Answered': return answered(state, action.capture);

@@ -9,7 +9,7 @@ import opacityFragment from './opacity.frag.glsl?raw';
 import { Program } from './program';
 import screenVertex from './screen.vert.glsl?raw';
 import type { Target } from './target';
-import type { Targets } from './targets';
+import type { ViewTargets } from './view_targets';
 import underFragment from './under.frag.glsl?raw';
 
 /** What is empty is looked at again after so many frames: what fills may lag, what is shown does not. */
@@ -53,7 +53,7 @@ export class Filling implements Disposable {
   }
 
   /** Choose which views fill, if it is known anew what is empty. */
-  choose(store: MpiStore, near: NearViews, camera: Camera, targets: Targets): void {
+  choose(store: MpiStore, near: NearViews, camera: Camera, targets: ViewTargets): void {
     this.#frame += 1;
     const opacity = targets.opacityBack.take();
     const closest = near.mpis[0];
@@ -71,7 +71,7 @@ export class Filling implements Disposable {
   }
 
   /** Find those that are on the card. Returns whether they are others than before. */
-  find(store: MpiStore, near: NearViews, { filledFrom }: Targets): boolean {
+  find(store: MpiStore, near: NearViews, { filledFrom }: ViewTargets): boolean {
     let changed = false;
     for (let k = 0; k < filledFrom.length; k += 1) {
       const id = k < this.most ? this.#ids[k] : undefined;
@@ -84,7 +84,7 @@ export class Filling implements Disposable {
   }
 
   /** Ask what is empty in what was blended, then draw under it: of each view, what is not yet opaque. */
-  draw(camera: Camera, targets: Targets): void {
+  draw(camera: Camera, targets: ViewTargets): void {
     this.#ask(targets);
     const gl = this.#gl;
     for (const mpi of targets.filledFrom) {
@@ -107,7 +107,7 @@ export class Filling implements Disposable {
   }
 
   /** Let nothing be drawn where the picture is opaque: most of an MPI, which is most of its time. */
-  #keepOpaque({ view, filling }: Targets): void {
+  #keepOpaque({ view, filling }: ViewTargets): void {
     const gl = this.#gl;
     filling.begin();
     gl.depthMask(true);
@@ -124,7 +124,7 @@ export class Filling implements Disposable {
     gl.depthFunc(gl.LEQUAL);
   }
 
-  #ask(targets: Targets): void {
+  #ask(targets: ViewTargets): void {
     if (targets.filledFrom.length === 0 || targets.opacityBack.pending) return;
     if (this.#frame % EVERY_FRAMES !== 0 && targets.asked) return;
     targets.asked = true;

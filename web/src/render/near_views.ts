@@ -23,7 +23,7 @@ export class NearViews {
   #here = new Uint8Array(16);
   #sceneDepth_m = USUAL_DEPTH_M;
 
-  constructor(readonly options: Options) {}
+  constructor(readonly options: Pick<Options, 'neighbours' | 'blend_weights'>) {}
 
   /** The K nearest of all views; while some of them are still on their way, the best that are here. */
   choose(store: MpiStore, camera: Camera): void {

@@ -2,35 +2,29 @@
  * What the photographer sees, for every frame: the nearest MPIs are rendered for the live camera,
  * blended, compared with the live picture of the same pose, and drawn.
  *
- *     live ── shrink ──────────────┐
- *     MPIs ── render each ── blend ── fill ┴─ compare ─┬─ count ──► shares (read back, frames later)
- *                              └── opacity ──► filling views    └─ settle ── display
- *                                    grid ──► exposure
+ *     live ── shrink ────────┐
+ *     MPIs ── blended view ──┴─ compare ─┬─ count ──► shares (read back, frames later)
+ *                            └─ grid ──► exposure   └─ settle ── display
  */
 
-import { pinholeScratch, type Camera } from '../geometry';
-import type { GpuMpi, MpiStore } from '../mpi/mpi_store';
+import type { Camera } from '../geometry';
+import type { MpiStore } from '../mpi/mpi_store';
 import type { LiveFrame } from '../sources/frame_source';
 import { MAX_NEIGHBOURS, type Options } from '../wire';
-import blendFragment from './blend.frag.glsl?raw';
+import { BlendedView } from './blended_view';
 import compareFragment from './compare.frag.glsl?raw';
 import displayFragment from './display.frag.glsl?raw';
 import { GAIN_STRIDE, measureExposure } from './exposure';
-import { Filling, type Drawing } from './filling';
 import { LEVELS, type Allowance } from './governor';
 import gridFragment from './grid.frag.glsl?raw';
-import mpiFragment from './mpi.frag.glsl?raw';
-import mpiVertex from './mpi.vert.glsl?raw';
-import { drawMpi } from './mpi_quads';
-import { NearViews } from './near_views';
+import type { NearViews } from './near_views';
 import { Program } from './program';
+import type { Screen } from './screen';
 import screenVertex from './screen.vert.glsl?raw';
 import { SETTLED_MS, Settling } from './settling';
 import shrinkFragment from './shrink.frag.glsl?raw';
-import { newProjection } from './projection';
 import { NO_SHARES, ShareCounter, type Part, type Shares } from './shares';
-import type { Target } from './target';
-import { Targets, type RenderedView } from './targets';
+import { Targets } from './targets';
 import { whyUnfixable, type WhyUnfixable } from './touched';
 
 /** The paper's three pictures: MPI over black, peaks on the video, peaks on the MPI (default). */
@@ -71,17 +65,11 @@ export class ViewRenderer implements Disposable {
   readonly #gl: WebGL2RenderingContext;
   readonly #options: Options;
   readonly #programs;
-  readonly #screen: WebGLVertexArrayObject;
-  readonly #sampler: WebGLSampler;
-  readonly #units = Int32Array.from({ length: MAX_NEIGHBOURS }, (_, i) => i);
-  readonly #quads = { small: pinholeScratch(), projection: newProjection() };
-  readonly #near: NearViews;
+  readonly #screen: Screen;
+  readonly #view: BlendedView;
   readonly #seen: { -readonly [K in keyof Seen]: Seen[K] };
-  /** For each of `#near`, where it is rendered to. */
-  readonly #places: (RenderedView | null)[] = Array.from({ length: MAX_NEIGHBOURS }, () => null);
   /** Live / view per channel, and the log of that in the corners on top of it. */
   readonly #exposure = new Float32Array([1, 1, 1, 0]);
-  readonly #filling: Filling;
   /** Hears of every frame what was rendered, with a number that goes up when that or the picture is new. */
   onRendered: ((number: number, near: NearViews, camera: Camera, targets: Targets) => void) | null = null;
   /**
@@ -100,69 +88,45 @@ export class ViewRenderer implements Disposable {
   #rendered = 0;
   #allowance = LEVELS[0];
   #targets: Targets | null = null;
-  /** What the views of the targets were rendered for: 12 numbers of the pose, then fx, fy, cx, cy. */
-  readonly #renderedFor = new Float64Array(16);
   readonly #shares: ShareCounter;
   readonly #settling: Settling;
   #frame = 0;
 
   /** @throws RangeError More neighbours are asked for than the shader blends. */
   constructor(gl: WebGL2RenderingContext, options: Options) {
-    if (options.neighbours > MAX_NEIGHBOURS) {
-      throw new RangeError(`need neighbours <= ${MAX_NEIGHBOURS}, got ${options.neighbours}`);
-    }
     this.#gl = gl;
     this.#options = options;
-    this.#near = new NearViews(options);
-    const drawing: Drawing = {
-      bind: (unit, texture) => this.#bind(unit, texture),
-      cover: () => this.#cover(),
-      renderMpi: (mpi, camera, target) => this.#renderMpi(mpi, camera, target),
-    };
-    this.#filling = new Filling(gl, options.filling_views, drawing);
+    this.#view = new BlendedView(gl, options);
+    this.#screen = this.#view.screen;
+    const { drawing } = this.#view;
     this.#shares = new ShareCounter(gl, drawing);
     this.#settling = new Settling(gl, options.marks === 'apart', drawing);
-    this.#seen = { ...NOTHING, viewIds: this.#near.ids };
+    this.#seen = { ...NOTHING, viewIds: this.#view.near.ids };
     const onScreen = (fragment: string): Program => new Program(gl, screenVertex, fragment);
     this.#programs = {
-      mpi: new Program(gl, mpiVertex, mpiFragment),
       shrink: onScreen(shrinkFragment),
-      blend: onScreen(blendFragment),
       compare: onScreen(compareFragment),
       grid: onScreen(gridFragment),
       display: onScreen(displayFragment),
     };
-    this.#screen = gl.createVertexArray();
-    // Camera textures of WebXR are not ours to set filters on.
-    this.#sampler = gl.createSampler();
-    gl.samplerParameteri(this.#sampler, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
-    gl.samplerParameteri(this.#sampler, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
-    gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
-    gl.samplerParameteri(this.#sampler, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
 
   /** Render no more than this from now on. */
   allow(allowance: Allowance): void {
     this.#allowance = allowance;
-    this.#near.most = allowance.blended;
-    this.#filling.most = allowance.filling;
+    this.#view.allow(allowance);
   }
 
   /** Render, compare and draw one frame. Leaves the frame's framebuffer bound. */
   draw(frame: LiveFrame, store: MpiStore, look: Look): Seen {
     const { camera, image } = frame;
     if (camera === null || image === null) return NOTHING;
-    const gl = this.#gl;
     this.#frame += 1;
-    gl.disable(gl.DEPTH_TEST);
-    gl.disable(gl.SCISSOR_TEST);
-    gl.disable(gl.CULL_FACE);
-    gl.disable(gl.BLEND);
+    this.#screen.reset();
     const targets = this.#targetsFor(camera);
     this.#takeReadBacks(targets);
-    const near = this.#near;
-    near.choose(store, camera);
-    this.#filling.choose(store, near, camera, targets);
+    const { near } = this.#view;
+    this.#view.choose(store, camera, targets);
     if (near.count === 0) {
       this.#shares.forget();
       targets.threshold = NaN; // what is compared again is counted again
@@ -173,7 +137,7 @@ export class ViewRenderer implements Disposable {
     const newPicture = frame.pictureId === null || frame.pictureId !== targets.pictureId;
     if (newPicture) this.#shrink(image, camera, targets);
     targets.pictureId = frame.pictureId;
-    const newView = this.#renderAndBlend(near, store, camera, targets);
+    const newView = this.#view.render(store, camera, targets);
     const changed = newPicture || newView;
     const remembered = this.remembered?.(camera, targets) ?? null;
     const number = remembered?.number ?? -1;
@@ -209,11 +173,7 @@ export class ViewRenderer implements Disposable {
     if (frame.image === null || targets === null || seen === null || seen.viewIds.length === 0) {
       return this.draw(frame, store, look);
     }
-    const gl = this.#gl;
-    gl.disable(gl.DEPTH_TEST);
-    gl.disable(gl.SCISSOR_TEST);
-    gl.disable(gl.CULL_FACE);
-    gl.disable(gl.BLEND);
+    this.#screen.reset();
     this.#display(frame, frame.image, targets, look, true);
     return seen;
   }
@@ -240,9 +200,7 @@ export class ViewRenderer implements Disposable {
     this.#shares[Symbol.dispose]();
     this.#settling[Symbol.dispose]();
     for (const program of Object.values(this.#programs)) program[Symbol.dispose]();
-    this.#filling[Symbol.dispose]();
-    this.#gl.deleteVertexArray(this.#screen);
-    this.#gl.deleteSampler(this.#sampler);
+    this.#view[Symbol.dispose]();
     this.#targets?.[Symbol.dispose]();
     this.#targets = null;
   }
@@ -266,103 +224,12 @@ export class ViewRenderer implements Disposable {
     const { shrink } = this.#programs;
     targets.live.begin();
     shrink.use();
-    this.#bind(0, image);
+    this.#screen.bind(0, image);
     // Each tap looks at two texels per axis.
     const taps = Math.ceil(camera.pinhole.width_px / targets.live.width / 2 + 0.499);
     this.#gl.uniform1i(shrink.uniform('live'), 0);
     this.#gl.uniform1i(shrink.uniform('taps'), Math.min(Math.max(taps, 1), 4));
-    this.#cover();
-  }
-
-  /**
-   * Where each MPI is rendered to. One that is there already, for this very camera, keeps its place
-   * and need not be rendered again: a phone that is held by a tripod, a recording that is stopped.
-   */
-  #findPlaces({ count, mpis }: NearViews, camera: Camera, targets: Targets): void {
-    if (this.#hasMoved(camera)) {
-      for (const view of targets.views) view.mpi = null;
-    }
-    const places = this.#places.fill(null);
-    for (const view of targets.views) {
-      const k = view.mpi === null ? -1 : mpis.indexOf(view.mpi);
-      if (k >= 0 && k < count) places[k] = view;
-    }
-    for (let k = 0; k < count; k += 1) places[k] ??= this.#freePlace(targets);
-  }
-
-  #freePlace(targets: Targets): RenderedView | null {
-    for (let i = targets.views.length - 1; i >= 0; i -= 1) {
-      const view = targets.views[i];
-      if (view !== undefined && !this.#places.includes(view)) return view;
-    }
-    return null;
-  }
-
-  /** Whether this is another camera than that of the frame before. */
-  #hasMoved({ pinhole, worldFromCam }: Camera): boolean {
-    const before = this.#renderedFor;
-    const { rows } = worldFromCam;
-    let moved = before[12] !== pinhole.fx_px || before[13] !== pinhole.fy_px
-      || before[14] !== pinhole.cx_px || before[15] !== pinhole.cy_px;
-    for (let i = 0; i < 12 && !moved; i += 1) moved = rows[i] !== before[i];
-    if (!moved) return false;
-    before.set(rows);
-    before[12] = pinhole.fx_px;
-    before[13] = pinhole.fy_px;
-    before[14] = pinhole.cx_px;
-    before[15] = pinhole.cy_px;
-    return true;
-  }
-
-  /** Returns whether the view is another one than before. */
-  #renderAndBlend(near: NearViews, store: MpiStore, camera: Camera, targets: Targets): boolean {
-    this.#findPlaces(near, camera, targets);
-    let changed = false;
-    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
-      const mpi = k < near.count ? near.mpis[k] : undefined;
-      const view = this.#places[k] ?? null;
-      if (mpi !== undefined && view !== null && view.mpi !== mpi) {
-        this.#renderMpi(mpi, camera, view.target);
-        view.mpi = mpi;
-        changed = true;
-      }
-      const weight = Math.fround(mpi === undefined ? 0 : near.weights[k] ?? 0);
-      const target = view?.target ?? null;
-      if (targets.weights[k] !== weight || targets.blendedFrom[k] !== target) changed = true;
-      targets.weights[k] = weight;
-      targets.blendedFrom[k] = target;
-    }
-    if (this.#filling.find(store, near, targets)) changed = true;
-    if (!changed) return false;
-    this.#blend(near.count, targets);
-    this.#filling.draw(camera, targets);
-    return true;
-  }
-
-  #renderMpi(mpi: GpuMpi, camera: Camera, target: Target): void {
-    const gl = this.#gl;
-    const { mpi: program } = this.#programs;
-    target.begin();
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    program.use();
-    this.#bind(0, mpi.texture);
-    drawMpi(gl, program, mpi, camera, target, this.#quads);
-  }
-
-  #blend(count: number, targets: Targets): void {
-    const gl = this.#gl;
-    const { blend } = this.#programs;
-    targets.view.begin();
-    blend.use();
-    for (let k = 0; k < MAX_NEIGHBOURS; k += 1) {
-      this.#bind(k, (targets.blendedFrom[k] ?? targets.blendedFrom[0])?.texture ?? null);
-    }
-    gl.uniform1iv(blend.uniform('views'), this.#units);
-    gl.uniform1fv(blend.uniform('weights'), targets.weights);
-    gl.uniform1i(blend.uniform('count'), count);
-    gl.uniform1i(blend.uniform('opacity_of_seen'), this.#options.opacity === 'seen' ? 1 : 0);
-    this.#cover();
+    this.#screen.cover();
   }
 
   #compare(look: Look, targets: Targets, remembered: Remembered | null): void {
@@ -372,9 +239,9 @@ export class ViewRenderer implements Disposable {
     targets.uncounted = true;
     targets.result.begin();
     compare.use();
-    this.#bind(0, targets.view.texture);
-    this.#bind(1, targets.live.texture);
-    this.#bind(2, remembered?.texture ?? targets.view.texture);
+    this.#screen.bind(0, targets.view.texture);
+    this.#screen.bind(1, targets.live.texture);
+    this.#screen.bind(2, remembered?.texture ?? targets.view.texture);
     gl.uniform1i(compare.uniform('view'), 0);
     gl.uniform1i(compare.uniform('live'), 1);
     gl.uniform1i(compare.uniform('memory'), 2);
@@ -383,7 +250,7 @@ export class ViewRenderer implements Disposable {
     gl.uniform1f(compare.uniform('threshold'), look.threshold);
     gl.uniform1f(compare.uniform('shift_px'), this.#options.shift_px);
     gl.uniform1i(compare.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
-    this.#cover();
+    this.#screen.cover();
   }
 
   /** To be called before anything else is asked of the card: copying waits for what it has to do. */
@@ -405,13 +272,13 @@ export class ViewRenderer implements Disposable {
     const { grid } = this.#programs;
     targets.grid.begin();
     grid.use();
-    this.#bind(0, targets.view.texture);
-    this.#bind(1, targets.live.texture);
+    this.#screen.bind(0, targets.view.texture);
+    this.#screen.bind(1, targets.live.texture);
     gl.uniform1i(grid.uniform('view'), 0);
     gl.uniform1i(grid.uniform('live'), 1);
     gl.uniform1i(grid.uniform('stride'), GAIN_STRIDE);
     gl.uniform1i(grid.uniform('rows'), targets.grid.height / 2);
-    this.#cover();
+    this.#screen.cover();
     targets.gridBack.request();
   }
 
@@ -447,9 +314,9 @@ export class ViewRenderer implements Disposable {
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame.framebuffer);
     gl.viewport(x, y, width, height);
     display.use();
-    this.#bind(0, targets.view.texture);
-    this.#bind(1, image);
-    this.#bind(2, targets.shown.states.texture);
+    this.#screen.bind(0, targets.view.texture);
+    this.#screen.bind(1, image);
+    this.#screen.bind(2, targets.shown.states.texture);
     gl.uniform1i(display.uniform('view'), 0);
     gl.uniform1i(display.uniform('live'), 1);
     gl.uniform1i(display.uniform('shown'), 2);
@@ -458,20 +325,7 @@ export class ViewRenderer implements Disposable {
     gl.uniform1f(display.uniform('peak_opacity'), look.peakOpacity);
     gl.uniform1i(display.uniform('apart'), this.#options.marks === 'apart' ? 1 : 0);
     gl.uniform1i(display.uniform('pattern'), look.pattern ? 1 : 0);
-    this.#cover();
-    for (let unit = 0; unit < MAX_NEIGHBOURS; unit += 1) gl.bindSampler(unit, null);
-  }
-
-  #bind(unit: number, texture: WebGLTexture | null): void {
-    const gl = this.#gl;
-    gl.activeTexture(gl.TEXTURE0 + unit);
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.bindSampler(unit, this.#sampler);
-  }
-
-  #cover(): void {
-    this.#gl.bindVertexArray(this.#screen);
-    this.#gl.drawArrays(this.#gl.TRIANGLES, 0, 3);
-    this.#gl.bindVertexArray(null);
+    this.#screen.cover();
+    this.#screen.release(MAX_NEIGHBOURS);
   }
 }

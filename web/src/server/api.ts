@@ -7,10 +7,10 @@ import { integer, parseJson, parseKept, record, SchemaError, type Schema } from 
 import {
   captureSchema, guidanceSchema, pairedDevicesSchema, pairedSchema, pairingLinkSchema, peakedSamplesSchema,
   problemSchema, PROTOCOL, recordingIndexSchema, selectionSchema, serverInfoSchema, sessionSchema,
-  sessionSummarySchema, type Capture, type CaptureChange, type DatasetQuery, type Guidance,
+  sessionSummarySchema, trainingSchema, type Capture, type CaptureChange, type DatasetQuery, type Guidance,
   type NewSession, type Paired, type PairedDevices, type Pairing, type PairingLink, type PeakedSample, type PeakedSamples,
   type RecordingIndex, type Selection, type ServerInfo, type Session,
-  type SessionChange, type SessionSummary,
+  type SessionChange, type SessionSummary, type Training, type TrainingChange,
 } from '../wire';
 import { thisDevice, type ThisDevice } from './this_device';
 
@@ -218,6 +218,27 @@ export class Api {
 
   guidance(sessionId: string): Promise<Guidance> {
     return this.#json('GET', `${sessionPath(sessionId)}/guidance`, guidanceSchema);
+  }
+
+  /** How far the training of 3D Gaussians is. */
+  training(sessionId: string): Promise<Training> {
+    return this.#json('GET', `${sessionPath(sessionId)}/training`, trainingSchema);
+  }
+
+  /** Begin to train, go on, or stop. @throws ApiError 409: there are too few views. */
+  train(sessionId: string, state: TrainingChange['state']): Promise<Training> {
+    const json: TrainingChange = { state };
+    return this.#json('PUT', `${sessionPath(sessionId)}/training`, trainingSchema, { json });
+  }
+
+  /** Gaussians of a version; none ever changes. @throws ApiError 404: there are newer ones. */
+  splat(sessionId: string, version: number): Promise<ArrayBuffer> {
+    return this.#bytes(`${sessionPath(sessionId)}/training/splat/${version}`, undefined);
+  }
+
+  /** What a capture sees: n × 3 float32, then n × 3 bytes of colour. @throws ApiError 404: no depth. */
+  points(sessionId: string, captureId: string): Promise<ArrayBuffer> {
+    return this.#bytes(`${capturePath(sessionId, captureId)}/points`, undefined);
   }
 
   recording(name: string): Promise<RecordingIndex> {

@@ -7,6 +7,7 @@ import { FormatChoice, type DatasetFormat } from '../ui/format_choice';
 import { PAPER_PERCENT, percent } from '../ui/share_graph';
 import { viewsText } from '../ui/words';
 import type { PeakedSample, ServerEvent, Session, SessionEvent, SessionSummary } from '../wire';
+import type { ShownSession } from '../view/open_session';
 import { drawShares } from './share_chart';
 import { drawTopView, topViewOf } from './top_view';
 
@@ -22,6 +23,8 @@ const summaries = new Map<string, SessionSummary>();
 let damaged: readonly string[] = [];
 let shown: { id: string; session: Session; samples: readonly PeakedSample[] } | null = null;
 let watching = new AbortController();
+/** The session as a place, of which the element stays when the rest is drawn anew. */
+let place: { readonly id: string; readonly element: HTMLElement; seen: ShownSession | null } | null = null;
 /** How far the list was scrolled when a session was chosen. */
 let listAt_px = 0;
 
@@ -163,6 +166,8 @@ async function open(chosen: string): Promise<void> {
   if (id === shown?.id) return;
   watching.abort();
   shown = null;
+  place?.seen?.viewer[Symbol.dispose]();
+  place = null;
   elementOf('detail').replaceChildren();
   say('');
   if (id === '') return;
@@ -177,6 +182,7 @@ function button(text: string, onclick: () => void): HTMLButtonElement {
 }
 
 function follow(id: string, event: SessionEvent): void {
+  place?.seen?.place.follow(event);
   switch (event.type) {
     case 'SessionState':
       shown = { id, session: event.session, samples: shown?.id === id ? shown.samples : [] };
@@ -189,8 +195,8 @@ function follow(id: string, event: SessionEvent): void {
       shown = { ...shown, session: { ...shown.session, captures } };
       break;
     }
-    case 'GuidanceChanged':
-      return; // for who captures
+    case 'GuidanceChanged': case 'TrainingChanged':
+      return; // the place shows it
     case 'SessionChanged':
       if (shown === null) return;
       if (isDeleted(event.summary)) {
@@ -264,6 +270,7 @@ function drawDetail(): void {
         : make('a', { className: 'button', href: capturePage(summary) }, 'Continue capturing'), rename, remove),
     ...(summary.damaged ? [make('p', { className: 'quiet problem' }, `${summary.damaged} records of this `
       + 'session are damaged on the disk and were left out. The server names them when it starts.')] : []),
+    placeOf(id, session),
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'Seen from above'), make('div', { id: 'above' })),
       make('div', { className: 'card', id: 'shares-card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
@@ -273,6 +280,26 @@ function drawDetail(): void {
       make('div', { className: 'row undone' }, ...undone)] : []),
   );
   drawCharts();
+}
+
+/** The session as a place to look around in; what shows it is loaded once there is something to see. */
+function placeOf(id: string, session: Session): HTMLElement {
+  const opening = place?.id === id ? place : { id, element: make('section', { className: 'place', ariaLabel: 'The captured place' }), seen: null };
+  place = opening;
+  opening.element.hidden = session.captures.every(({ removed }) => removed === true);
+  if (!opening.element.hidden && !opening.element.dataset['opened']) {
+    opening.element.dataset['opened'] = 'yes';
+    void openPlace(opening, session).catch(failed);
+  }
+  return opening.element;
+}
+
+async function openPlace(opening: NonNullable<typeof place>, session: Session): Promise<void> {
+  const [{ showSession }, { options }] = await Promise.all([import('../view/open_session'), api.server()]);
+  if (place !== opening) return;
+  const larger = make('a', { className: 'button', href: `./view#${opening.id}` }, 'Full screen');
+  opening.seen = showSession(api, shown?.id === opening.id ? shown.session : session, options, opening.element,
+    { compact: true, trains: true, more: [larger] });
 }
 
 function capturePage({ id, source }: SessionSummary): string {

@@ -69,6 +69,7 @@ class FinishSheet implements Sheet {
   readonly #undone = make('p', { className: 'quiet' });
   readonly #said = make('p', { className: 'said', role: 'status' });
   readonly #name: HTMLInputElement;
+  readonly #look = make('a', { className: 'primary', target: '_blank' }, 'Look at it');
   readonly #best = secondary('', () => void this.#download(this.#selection?.enough ?? null));
   readonly #all = secondary('', () => void this.#download(null));
   readonly #format = new FormatChoice();
@@ -91,7 +92,7 @@ class FinishSheet implements Sheet {
     this.#name = make('input', { type: 'text', value: name, maxLength: 80 });
     this.element = sheet('Finish', close, this.#got, this.#curve, this.#onTheWay, this.#undone,
       make('label', {}, 'Session name', this.#name), this.#format.element,
-      this.#said, this.#best, this.#all, this.#finish,
+      this.#said, this.#look, this.#best, this.#all, this.#finish,
       this.#more, secondary('Start a new session', () => actions.newSession()));
     this.#title = this.element.querySelector('h2');
     this.#state = state;
@@ -161,6 +162,8 @@ class FinishSheet implements Sheet {
       + `${undone === 1 ? 'view' : `${undone} views`} that you undid. You can still bring them back in the `
       + 'list of views.';
     const onServer = views.filter((view) => view.onServer).length;
+    const numReady = views.filter(({ state }) => state === 'ready').length;
+    this.#look.href = this.actions.viewer();
     const enough = selection?.enough ?? 0;
     const hasBest = enough > 0 && enough < onServer;
     this.#best.hidden = !hasBest;
@@ -168,8 +171,8 @@ class FinishSheet implements Sheet {
     this.#all.textContent = onServer === views.length ? `Download all ${onServer}`
       : `Download the ${onServer} that have arrived`;
     this.#all.hidden = onServer === 0;
-    this.#best.className = 'primary';
-    this.#all.className = hasBest ? 'secondary' : 'primary';
+    this.#look.hidden = numReady === 0;
+    this.#all.className = numReady === 0 ? 'primary' : 'secondary';
     this.#best.disabled = this.#isDownloading;
     this.#all.disabled = this.#isDownloading;
     this.#finish.hidden = isOver;

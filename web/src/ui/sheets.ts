@@ -19,6 +19,8 @@ export interface SheetActions {
   selection(signal: AbortSignal): Promise<Selection>;
   /** Have the data set of the best so many, or of all, made ready. @returns Where it is. @throws ApiError */
   dataset(query: DatasetQuery): Promise<string>;
+  /** Where the session can be looked at as a place. */
+  viewer(): string;
 }
 
 /** What a sheet shows of a session. */

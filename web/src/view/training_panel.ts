@@ -1,0 +1,124 @@
+/** Trains 3D Gaussians of a session on the server: one button, how far it is, and what came out. */
+
+import { ApiError, type Api } from '../server/api';
+import { make, say, show } from '../ui/dom';
+import type { Training } from '../wire';
+import type { SessionPlace } from './session_place';
+
+/** Fewer cannot be trained on. */
+const LEAST_VIEWS = 3;
+
+export class TrainingPanel {
+  readonly element = make('div', { className: 'place-training' });
+  readonly #api: Api;
+  readonly #place: SessionPlace;
+  readonly #button = make('button', { type: 'button',  onclick: () => void this.#press() });
+  readonly #details = make('div', { className: 'place-details' });
+  readonly #bar = make('progress', { max: 1 });
+  readonly #says = make('p');
+  readonly #worst = make('ul');
+  #onSplat: () => void = () => undefined;
+  /** It was begun here, and nothing of it was shown yet. */
+  #isMine = false;
+  /** What the server refused. */
+  #refusal = '';
+
+  constructor(api: Api, place: SessionPlace) {
+    this.#api = api;
+    this.#place = place;
+    this.#details.append(this.#bar, this.#says, this.#worst);
+    this.element.append(this.#button, this.#details);
+    this.#says.setAttribute('role', 'status');
+    this.#bar.ariaLabel = 'Training';
+    place.subscribe(() => this.#draw());
+    this.#draw();
+  }
+
+  /** @param listener Called when the first Gaussians of a training that was begun here can be shown. */
+  onSplat(listener: () => void): void {
+    this.#onSplat = listener;
+    this.#draw();
+  }
+
+  async #press(): Promise<void> {
+    const running = isUnderWay(this.#place.training);
+    this.#isMine = !running;
+    this.#refusal = '';
+    this.#button.disabled = true;
+    try {
+      await this.#api.train(this.#place.session.summary.id, running ? 'stopped' : 'running');
+    } catch (error) {
+      this.#refusal = error instanceof ApiError ? error.problem : String(error);
+    } finally {
+      this.#button.disabled = false;
+      this.#draw();
+    }
+  }
+
+  #draw(): void {
+    const training = this.#place.training;
+    const state = training?.state ?? 'none';
+    const views = this.#place.place.views.length;
+    show(this.element, views >= LEAST_VIEWS || state !== 'none');
+    say(this.#button, labelOf(training));
+    show(this.#button, state !== 'done' || training?.outdated === true);
+    show(this.#bar, isUnderWay(training) || state === 'stopped');
+    if (training !== null && training.steps > 0) this.#bar.value = training.step / training.steps;
+    const text = this.#refusal === '' ? factsOf(training) : this.#refusal;
+    say(this.#says, text);
+    show(this.#details, text !== '');
+    this.#drawWorst(training);
+    if (this.#isMine && (training?.splat_version ?? 0) > 0) {
+      this.#isMine = false;
+      this.#onSplat();
+    }
+  }
+
+  #drawWorst(training: Training | null): void {
+    const worst = training?.state === 'done' ? training.worst : [];
+    this.#worst.replaceChildren(...worst.map(({ number, psnr_db, suggestion }) =>
+      make('li', {}, `View ${number}: ${psnr_db.toFixed(1)}\u00a0dB. ${suggestion}`)));
+    show(this.#worst, worst.length > 0);
+  }
+}
+
+function isUnderWay(training: Training | null): boolean {
+  return training?.state === 'running' || training?.state === 'waiting';
+}
+
+function labelOf(training: Training | null): string {
+  switch (training?.state) {
+    case 'running': case 'waiting': return 'Stop training';
+    case 'stopped': return training.outdated ? 'Train again' : 'Go on training';
+    case 'done': return 'Train again with the new views';
+    case 'failed': return 'Train again';
+    default: return 'Train a splat';
+  }
+}
+
+function factsOf(training: Training | null): string {
+  switch (training?.state) {
+    case 'waiting': return 'Waits for another training.';
+    case 'running': {
+      const left = training.remaining_s === null ? ''
+        : ` · ${timeText(training.remaining_s)} left`;
+      return `${percentOf(training)} · ${training.gaussians.toLocaleString('en')} Gaussians${left}`;
+    }
+    case 'stopped': return `Stopped at ${percentOf(training)}.`;
+    case 'failed': return training.problem ?? 'The training failed.';
+    case 'done': {
+      const quality = training.psnr_db === null ? ''
+        : `${training.psnr_db.toFixed(1)}\u00a0dB on ${training.held_out} photos that it did not see · `;
+      return `${quality}${training.gaussians.toLocaleString('en')} Gaussians`;
+    }
+    default: return '';
+  }
+}
+
+function percentOf({ step, steps }: Training): string {
+  return `${Math.round((100 * step) / Math.max(steps, 1))}\u00a0%`;
+}
+
+function timeText(time_s: number): string {
+  return time_s < 90 ? `${Math.max(1, Math.round(time_s))}\u00a0s` : `${Math.round(time_s / 60)}\u00a0min`;
+}
