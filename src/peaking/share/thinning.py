@@ -13,7 +13,7 @@ from peaking.light_field import LightField
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
 from peaking.selection.recorded_frames import RecordedFrames
-from peaking.share.compact_mpi import COMPACT, WHOLE, Coding
+from peaking.share.compact_mpi import BETWEEN, COMPACT, WHOLE, Coding
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
 from peaking.share.scores import psnr_db
@@ -55,8 +55,9 @@ def thin(
 ) -> Thinned:
     """Choose the views that show most and fit into a room.
 
-    Where all fit as they are, they are kept so. Else their images are made compact, and the views
-    are chosen by what the rendering would get wrong without them (`peaking.best_frames`).
+    Where all fit as they are, they are kept so. Else their images become more compact, and where
+    that is not enough, the views are chosen by what the rendering would get wrong without them
+    (`peaking.best_frames`).
 
     Args:
         files: Of a recording, some frames of which can become views.
@@ -71,18 +72,8 @@ def thin(
     """
     usable = files.usable
     wanted = min(num_views or len(usable), len(usable))
-    if _guessed_bytes(files, usable, WHOLE) + other_bytes < SURELY * room_bytes / wanted:
-        coding, fitting = WHOLE, wanted
-    else:
-        coding = COMPACT
-        each_bytes = _guessed_bytes(files, usable, COMPACT) + other_bytes
-        fitting = int(AT_FIRST * room_bytes / each_bytes)
-        if fitting < 1:
-            raise OutputError(
-                f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
-                f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
-            )
-    kept = _chosen(files, min(fitting, wanted), progress)
+    coding, fitting = _coding(files, wanted, room_bytes, other_bytes)
+    kept = _chosen(files, fitting, progress)
     mpis = {i: files.mpi(i, coding) for i in progress(sorted(kept), "generating")}
     while sum(map(len, mpis.values())) + len(mpis) * other_bytes > room_bytes and len(mpis) > 1:
         del mpis[kept.pop()]
@@ -139,9 +130,28 @@ class _StoredFrames(RecordedFrames):
         return decode(WHOLE.encode(super()._made(index)))
 
 
-def _guessed_bytes(files: RecordedFiles, usable: Sequence[int], coding: Coding) -> float:
+def _coding(
+    files: RecordedFiles, wanted: int, room_bytes: int, other_bytes: int
+) -> tuple[Coding, int]:
+    """Return how images are coded, and how many views are tried.
+
+    It is the largest coding in which all that are wanted fit, or else the smallest.
+    """
+    for coding in (WHOLE, *BETWEEN):
+        if (_guessed_bytes(files, coding) + other_bytes) * wanted <= SURELY * room_bytes:
+            return coding, wanted
+    each_bytes = _guessed_bytes(files, COMPACT) + other_bytes
+    if each_bytes > room_bytes:
+        raise OutputError(
+            f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
+            f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
+        )
+    return COMPACT, min(wanted, int(AT_FIRST * room_bytes / each_bytes))
+
+
+def _guessed_bytes(files: RecordedFiles, coding: Coding) -> float:
     """Return how large a frame's image is in the mean, from a few."""
-    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(usable, SAMPLED)]))
+    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(files.usable, SAMPLED)]))
 
 
 def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:
