@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -24,12 +25,13 @@ from peaking.server.session_log import (
     SessionLog,
     SessionNamed,
 )
+from peaking.server.training import NOTHING
 from peaking.share import pictures
 from peaking.share.file_place import place_of_mpi
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.recorded_place import place_of_recording, whole_contents
-from peaking.share.titles import title_of
+from peaking.share.session_folder import title_of, trained_in
 from peaking.view_builder import generate
 from recordings import lateral_cameras, write_recording
 
@@ -173,12 +175,37 @@ def test_what_people_are_told_and_a_code_to_scan() -> None:
     assert json.loads(bare.place.to_json())["qr"] is None
 
 
-def test_a_session_is_called_what_people_called_it(tmp_path: Path) -> None:
-    room = write_recording(tmp_path / "2026-01-01_120000_5e551011", num_frames=2)
-    assert title_of(open_recording(room)) == room.name
-    log = SessionLog(room / FILE_NAME)
-    session = NamedSession("5e551011-0000-4000-8000-0000000000f1", 1, "Kitchen", "virtual")
-    log.append(SessionBegun(0.0, 1, session))
-    assert title_of(open_recording(room)) == "Kitchen"
-    log.append(SessionNamed(1.0, "Küche"))
-    assert title_of(open_recording(room)) == "Küche"
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    """A recording that is the folder of a session called Kitchen."""
+    folder = write_recording(tmp_path / "2026-01-01_120000_5e551011", num_frames=2)
+    named = NamedSession("5e551011-0000-4000-8000-0000000000f1", 1, "Kitchen", "virtual")
+    SessionLog(folder / FILE_NAME).append(SessionBegun(0.0, 1, named))
+    return folder
+
+
+def test_a_session_is_called_what_people_called_it(session: Path) -> None:
+    assert title_of(open_recording(session)) == "Kitchen"
+    SessionLog(session / FILE_NAME).append(SessionNamed(1.0, "Küche"))
+    assert title_of(open_recording(session)) == "Küche"
+    (session / FILE_NAME).unlink()
+    assert title_of(open_recording(session)) == session.name
+
+
+def test_gaussians_that_were_trained_on_a_session_are_shown(session: Path) -> None:
+    recording = open_recording(session)
+    assert trained_in(recording) is None
+    done = msgspec.structs.replace(NOTHING, state="done", splat_version=7, splat_format="ply")
+    (session / "training").mkdir()
+    (session / "training/splat-7.ply").write_bytes(b"Gaussians")
+    status = session / "training/status.json"
+    for state, expected in (("running", None), ("done", session / "training/splat-7.ply")):
+        training = msgspec.structs.replace(done, state=state)
+        status.write_bytes(msgspec.json.encode({"training": training, "captures": []}))
+        assert trained_in(recording) == expected
+    files = RecordedFiles(recording, OPTIONS)
+    shared = place_of_recording(files, whole_contents(files))
+    assert (shared.place.shown, shared.place.splat) == ("light-field", "splat.ply")
+    assert shared.files["splat.ply"]() == b"Gaussians"
+    status.write_bytes(b"{")
+    assert trained_in(recording) is None

@@ -7,13 +7,17 @@ import re
 import stat
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 import peaking.server.serving
 from peaking.cli import main
 from peaking.commands.generate import Generate
+from peaking.commands.splat import Splat
 from peaking.mpi_file import read_mpi
+from peaking.server.session_log import FILE_NAME, NamedSession, SessionBegun, SessionLog
+from peaking.server.training import NOTHING
 from peaking.share import writing
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.ply import write_ply
@@ -165,8 +169,6 @@ def test_gaussians_alone_and_pruned(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_gaussians_of_a_recording(
     room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from peaking.commands.splat import Splat
-
     Splat(room, tmp_path / "room.ply", iterations=60, previews=0).run()
     arguments = ["share", str(room), "--splat", str(tmp_path / "room.ply"), *FLAGS]
     main([*arguments, "--as", "splat", "--out", str(tmp_path / "splat")])
@@ -182,6 +184,24 @@ def test_gaussians_of_a_recording(
     assert 'data-file="splat.' in page
     assert page.count('data-file="mpis/') == 6
     assert "Gaussians; PSNR of the pictures is 0." in capsys.readouterr().out
+
+
+def test_gaussians_that_were_trained_in_a_session_are_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room = write_recording(tmp_path / "room", num_frames=4, width_px=160, height_px=120)
+    splat = Splat(room, tmp_path / "room.ply", iterations=40, previews=0, up="none")
+    splat.run()
+    named = NamedSession("5e551011-0000-4000-8000-0000000000f1", 1, "Kitchen", "virtual")
+    SessionLog(room / FILE_NAME).append(SessionBegun(0.0, 1, named))
+    (room / "training").mkdir()
+    splat.out.rename(room / "training/splat-7.ply")
+    done = msgspec.structs.replace(NOTHING, state="done", splat_version=7, splat_format="ply")
+    (room / "training/status.json").write_bytes(msgspec.json.encode({"training": done}))
+    main(["share", str(room), "--as", "splat", "--out", str(tmp_path / "shared"), *FLAGS])
+    assert "trained in the session (splat-7.ply)" in capsys.readouterr().out
+    place = json.loads((tmp_path / "shared/place.json").read_text())
+    assert (place["title"], place["shown"]) == ("Kitchen", "splat")
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,8 @@ class Share:
     )
     """What of a recording is shown; 3D Gaussians are trained as `peaking splat` does it."""
     splat: Path | None = None
-    """Gaussians that were trained on the recording (`peaking splat`); default: train now."""
+    """Gaussians that were trained on the recording (`peaking splat`); default: those that the
+    server trained on a session, or else train now."""
     max_mb: float = 20.0
     """Megabytes of all files together, at most."""
     views: int | None = None
@@ -163,6 +164,7 @@ class Share:
         from peaking.server.serving import CLIENT_DIR
         from peaking.share.recorded_files import RecordedFiles
         from peaking.share.recorded_share import Wanted, share_recording
+        from peaking.share.session_folder import trained_in
 
         with checked_arguments():
             options = self.method.options()
@@ -173,9 +175,12 @@ class Share:
                 f"{self.scene}: has no depth, which a light field needs; take --as splat, or have "
                 "depth estimated: --depth-model"
             )
-        wanted = Wanted(
-            self.kind, self.out, int(self.max_mb * MB), CLIENT_DIR, self.views, self.splat
-        )
+        splat = self.splat
+        if splat is None and self.kind != "light-field":
+            splat = trained_in(recording)
+            if splat is not None:
+                say(f"Gaussians: those that were trained in the session ({splat.name})")
+        wanted = Wanted(self.kind, self.out, int(self.max_mb * MB), CLIENT_DIR, self.views, splat)
 
         def shown(numbers: Sequence[int], what: str) -> Iterable[int]:
             return tqdm(numbers, desc=what, unit="frame")
@@ -183,7 +188,7 @@ class Share:
         def trained(_: TrainingStep) -> None:
             bar.update()
 
-        trains = self.kind != "light-field" and self.splat is None
+        trains = self.kind != "light-field" and splat is None
         total = wanted.training.iterations if trains else 0
         with tqdm(total=total, desc="training", unit="step", disable=not trains) as bar:
             return share_recording(files, wanted, progress=shown, trained=trained)

@@ -13,7 +13,7 @@ from peaking.server.wire import options_for_clients
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of, up_of
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
-from peaking.share.titles import title_of
+from peaking.share.session_folder import title_of, trained_in
 
 MOST_VIEWS = 120
 """Of a recording that is looked at as it is."""
@@ -44,10 +44,26 @@ class Contents:
 
 
 def whole_contents(files: RecordedFiles) -> Contents:
-    """Return all that a recording can show, made when it is asked for: of 120 frames at most."""
+    """Return all that a recording can show, made when it is asked for: of 120 frames at most.
+
+    That includes the Gaussians that the server has trained on a session.
+    """
     indices = evenly(files.usable or range(len(files.recording)), MOST_VIEWS)
     usable = set(files.usable)
-    return Contents(indices, {i: partial(files.mpi, i) for i in indices if i in usable})
+    mpis = {i: partial(files.mpi, i) for i in indices if i in usable}
+    return Contents(indices, mpis, splat=_of_session(files))
+
+
+def _of_session(files: RecordedFiles) -> tuple[str, Maker] | None:
+    """Return the Gaussians that were trained on a session; their file has its world."""
+    path = trained_in(files.recording)
+    if path is None or files.origin_m.any():
+        return None
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    return f"splat{path.suffix}", lambda: data
 
 
 def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
