@@ -40,7 +40,9 @@ _SETTLED = """() => {
   const { inspection } = window.viewer;
   return inspection.asleep && inspection.lightField()?.settled === true;
 }"""
-_PEER_DRAWN = "window.firstFrame = () => { window.firstPicture_ms = performance.now(); };"
+_PEER_DRAWN = """Object.defineProperty(window, 'captureFrame', {
+  set: () => { window.firstPicture_ms ??= performance.now(); },  // it does so after its first frame
+});"""
 
 
 def first_pictures(browser: Any, material: Material, told: Told) -> dict[str, object]:

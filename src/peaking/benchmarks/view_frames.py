@@ -7,7 +7,7 @@ every frame is another one.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ ROUNDS = 7
 SIZE_PX = {"width": 294, "height": 639}
 GAUSSIANS = 300_000
 SPAN_MS = 1000
-LEAST_FRAMES = 10
+LEAST_FRAMES = 4
 TREMBLE_M = 0.001
 SWING_M = 0.05
 VIEWS = 10
@@ -90,11 +90,13 @@ def light_field_frames(browser: Any, material: Material, told: Told) -> dict[str
             until(capture, f"() => window.peaking?.views().length === {len(frames)}")
             until(capture, "() => window.peaking.seen()?.viewIds.length === 4")
             capture.evaluate(live_parts.TREMBLE)
-            told(f"frames of the light field and of the capture page, {ROUNDS} rounds")
-            ours, as_it_is, bare = _in_turn(
-                lambda: _span_ms(viewer, TREMBLE_M),
-                lambda: _capture_ms(capture, "all"),
-                lambda: _capture_ms(capture, "bare"),
+            took_ms = _in_turn(
+                {
+                    "light_field": lambda: _span_ms(viewer, TREMBLE_M),
+                    "capture": lambda: _capture_ms(capture, "all"),
+                    "capture_bare": lambda: _capture_ms(capture, "bare"),
+                },
+                told,
             )
             sizes = {
                 "viewer": viewer.evaluate(
@@ -103,11 +105,9 @@ def light_field_frames(browser: Any, material: Material, told: Told) -> dict[str
                 "capture": capture.evaluate("window.peaking.pace().pixels"),
             }
     return {
-        "light_field_frame_ms": _median(ours),
-        "capture_frame_ms": _median(as_it_is),
-        "capture_bare_frame_ms": _median(bare),
-        "light_field_over_capture": _median(np.divide(ours, as_it_is)),
-        "light_field_over_capture_bare": _median(np.divide(ours, bare)),
+        **{f"{name}_frame_ms": _median(times) for name, times in took_ms.items()},
+        "light_field_over_capture": _ratios(took_ms["light_field"], took_ms["capture"]),
+        "light_field_over_capture_bare": _ratios(took_ms["light_field"], took_ms["capture_bare"]),
         "rendered_px": sizes,
         "rounds": ROUNDS,
     }
@@ -133,10 +133,8 @@ def splat_frames(browser: Any, material: Material, told: Told) -> dict[str, obje
         until(peer, "() => window.peer?.ready === true")
         peer.evaluate(_BEGIN_PEER, camera)
         peer.evaluate("window.peer.run(false)")
-        told(f"frames of {GAUSSIANS:,} Gaussians, {ROUNDS} rounds")
-        ours, theirs = _in_turn(
-            lambda: _span_ms(viewer, SWING_M),
-            lambda: _peer_ms(peer),
+        took_ms = _in_turn(
+            {"splat": lambda: _span_ms(viewer, SWING_M), "example": lambda: _peer_ms(peer)}, told
         )
         sizes = [
             page.evaluate(
@@ -146,25 +144,22 @@ def splat_frames(browser: Any, material: Material, told: Told) -> dict[str, obje
         ]
     return {
         "gaussians": GAUSSIANS,
-        "splat_frame_ms": _median(ours),
-        "example_frame_ms": _median(theirs),
-        "splat_over_example": _median(np.divide(ours, theirs)),
-        "splat_over_example_rounds": [round(float(r), 2) for r in np.divide(ours, theirs)],
+        **{f"{name}_frame_ms": _median(times) for name, times in took_ms.items()},
+        "splat_over_example": _ratios(took_ms["splat"], took_ms["example"]),
         "canvas_px": sizes,
         "rounds": ROUNDS,
     }
 
 
-def _in_turn(*measures: Callable[[], float]) -> list[list[float]]:
+def _in_turn(measures: Mapping[str, Callable[[], float]], told: Told) -> dict[str, np.ndarray]:
     """Return what each measured, round by round; every other round in the opposite order."""
-    for measure in measures:
-        measure()
-    took_ms: list[list[float]] = [[] for _ in measures]
-    for number in range(ROUNDS):
-        order = list(enumerate(measures))
-        for which, measure in order if number % 2 == 0 else reversed(order):
-            took_ms[which].append(measure())
-    return took_ms
+    took_ms: dict[str, list[float]] = {name: [] for name in measures}
+    for number in range(ROUNDS + 1):
+        names = list(measures) if number % 2 == 0 else list(reversed(measures))
+        for name in names:
+            told(f"frames of {name}: round {number} of {ROUNDS}")
+            took_ms[name].append(measures[name]())
+    return {name: np.array(times[1:]) for name, times in took_ms.items()}  # the first warms up
 
 
 def _span_ms(page: Any, away_m: float) -> float:
@@ -205,5 +200,15 @@ def _opened(browser: Any, address: str) -> Any:
     return page
 
 
-def _median(values: Sequence[float] | np.ndarray) -> float:
+def _ratios(ours: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
+    """Return the median of the rounds' ratios, and their range."""
+    ratios = ours / theirs
+    return {
+        "median": _median(ratios),
+        "least": round(float(ratios.min()), 2),
+        "most": round(float(ratios.max()), 2),
+    }
+
+
+def _median(values: np.ndarray) -> float:
     return round(float(np.median(values)), 2)

@@ -77,12 +77,15 @@ def library_example(folder: Path, splat: Path) -> Path:
 def splat_transform_page(folder: Path, splat: Path) -> Path:
     """Return the single-file viewer of splat-transform with a file of Gaussians.
 
+    Without what depends on the view: on a CPU it takes minutes to compress that.
+
     Raises:
         ToolMissing: It cannot be installed or run.
     """
     page = folder / "splat_transform.html"
     npx = _node_folder() / "lib/node_modules/npm/bin/npx-cli.js"
-    _node([str(npx), "--yes", SPLAT_TRANSFORM, str(splat), str(page), "-g", "cpu"], cwd=folder)
+    flat = ["-H", "0", "-g", "cpu"]
+    _node([str(npx), "--yes", SPLAT_TRANSFORM, str(splat), str(page), *flat], cwd=folder)
     return page
 
 
