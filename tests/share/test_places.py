@@ -17,11 +17,19 @@ from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.light_field import LightField
 from peaking.mpi_file import decode, write_mpi
 from peaking.options import DEFAULT
+from peaking.server.session_log import (
+    FILE_NAME,
+    NamedSession,
+    SessionBegun,
+    SessionLog,
+    SessionNamed,
+)
 from peaking.share import pictures
 from peaking.share.file_place import place_of_mpi
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.recorded_place import place_of_recording, whole_contents
+from peaking.share.titles import title_of
 from peaking.view_builder import generate
 from recordings import lateral_cameras, write_recording
 
@@ -163,3 +171,14 @@ def test_what_people_are_told_and_a_code_to_scan() -> None:
     assert document["address"] == "https://example.org/a"
     assert b"<svg" in named.files[document["qr"]]()
     assert json.loads(bare.place.to_json())["qr"] is None
+
+
+def test_a_session_is_called_what_people_called_it(tmp_path: Path) -> None:
+    room = write_recording(tmp_path / "2026-01-01_120000_5e551011", num_frames=2)
+    assert title_of(open_recording(room)) == room.name
+    log = SessionLog(room / FILE_NAME)
+    session = NamedSession("5e551011-0000-4000-8000-0000000000f1", 1, "Kitchen", "virtual")
+    log.append(SessionBegun(0.0, 1, session))
+    assert title_of(open_recording(room)) == "Kitchen"
+    log.append(SessionNamed(1.0, "Küche"))
+    assert title_of(open_recording(room)) == "Küche"

@@ -48,6 +48,20 @@ def test_what_is_kept_fits(files: RecordedFiles, room_bytes: int) -> None:
     assert thinned.loss_db is not None
 
 
+def test_before_views_go_images_become_compact(files: RecordedFiles) -> None:
+    whole = sum(len(files.mpi(i)) for i in range(9))
+    compact = sum(len(files.mpi(i, COMPACT)) for i in range(9))
+    sizes: list[int] = []
+    for room_bytes in (int(1.1 * whole), int(0.95 * whole), int(1.1 * compact)):
+        thinned = thin(files, room_bytes)
+        assert len(thinned.mpis) == 9
+        sizes.append(sum(map(len, thinned.mpis.values())))
+        assert sizes[-1] <= room_bytes
+    assert sizes[0] == whole
+    assert whole > sizes[1] > sizes[2] >= compact
+    assert thinned.loss_db is not None
+
+
 def test_no_more_views_than_asked_for(files: RecordedFiles) -> None:
     thinned = thin(files, 100_000_000, 3)
     assert len(thinned.mpis) == 3

@@ -41,6 +41,12 @@ class Coding:
 
 
 WHOLE = Coding(DEFAULT_QUALITY)
+BETWEEN = (
+    Coding(90, least_share=0.1),
+    Coding(90, num_planes=24, least_share=0.1),
+    Coding(90, num_planes=18, least_share=0.1),
+)
+"""From large to small; each loses less than leaving out views."""
 COMPACT = Coding(85, num_planes=16, least_share=0.1)
 """Half the bytes: twice as many views show more than what each of them loses (docs/viewing.md)."""
 

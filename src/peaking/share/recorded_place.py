@@ -13,6 +13,7 @@ from peaking.server.wire import options_for_clients
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of, up_of
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
+from peaking.share.titles import title_of
 
 MOST_VIEWS = 120
 """Of a recording that is looked at as it is."""
@@ -76,7 +77,7 @@ def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
     if files.has_points:
         points = named(POINTS_FILE, partial(files.points, contents.indices))
     place = Place(
-        title=files.recording.name,
+        title=title_of(files.recording),
         shown="light-field" if contents.mpis else "splat" if contents.splat else "place",
         views=views,
         up=up_of(cameras),

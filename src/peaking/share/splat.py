@@ -16,9 +16,9 @@ from peaking.export.splats import SplatFormat, format_of, read_splats, write_spl
 from peaking.export.up import Axis, guess_up, turn
 from peaking.frame import Frame
 from peaking.geometry import Camera
-from peaking.metrics.psnr_ssim import psnr
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
+from peaking.share.scores import MOST_PSNR_DB, psnr_db
 from peaking.splat.columns import SH0, SH0_R
 from peaking.splat.gaussians import Gaussians
 from peaking.splat.initialisation import MIN_POINTS, surface_points
@@ -34,8 +34,6 @@ PIXELS = 57280
 MIN_PICTURES = 3
 MOST_SCORED = 40
 """Pictures on which the loss is measured."""
-MOST_PSNR_DB = 60.0
-"""Counts as the same picture."""
 SURELY = 0.97
 """Of what would fit by proportion is tried next."""
 
@@ -182,12 +180,9 @@ def loss_db(whole: Gaussians, shared: Gaussians, frames: Sequence[Frame]) -> flo
 def mean_psnr_db(gaussians: Gaussians, frames: Sequence[Frame]) -> float:
     """Return the PSNR of renderings, averaged over the frames; degrees above 1 are not drawn."""
     drawn = gaussians.of_degree(min(gaussians.degree, 1))
-    scores_db: list[float] = []
-    for frame in frames:
-        if frame.mask is None or frame.mask.any():
-            rgb = np.clip(render(drawn, frame.camera).rgb, 0, 1).astype(np.float64)
-            scores_db.append(min(psnr(rgb, frame.rgb / 255.0, frame.mask), MOST_PSNR_DB))
-    return float(np.mean(scores_db)) if scores_db else MOST_PSNR_DB
+    scores_db = [psnr_db(render(drawn, frame.camera).rgb, frame) for frame in frames]
+    known_db = [score_db for score_db in scores_db if score_db is not None]
+    return float(np.mean(known_db)) if known_db else MOST_PSNR_DB
 
 
 def _file_of(gaussians: Gaussians) -> FittedSplat:

@@ -9,15 +9,14 @@ import numpy as np
 
 from peaking.best_frames import BestFrames, choose_best
 from peaking.errors import OutputError
-from peaking.frame import Frame
 from peaking.light_field import LightField
-from peaking.metrics.psnr_ssim import psnr
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode
 from peaking.selection.recorded_frames import RecordedFrames
-from peaking.share.compact_mpi import COMPACT, WHOLE, Coding
+from peaking.share.compact_mpi import BETWEEN, COMPACT, WHOLE, Coding
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.sampling import evenly
+from peaking.share.scores import psnr_db
 
 Progress = Callable[[Sequence[int], str], Iterable[int]]
 """Wraps the numbers of frames; the text says what is done with them."""
@@ -30,8 +29,6 @@ SURELY = 0.95
 """Of the room: what must seem to fit into it, from a few views, fits."""
 AT_FIRST = 1.07
 """Times the views that seem to fit are chosen; those that are worth least go until they fit."""
-MOST_PSNR_DB = 60.0
-"""Counts as the same picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +55,9 @@ def thin(
 ) -> Thinned:
     """Choose the views that show most and fit into a room.
 
-    Where all fit as they are, they are kept so. Else their images are made compact, and the views
-    are chosen by what the rendering would get wrong without them (`peaking.best_frames`).
+    Where all fit as they are, they are kept so. Else their images become more compact, and where
+    that is not enough, the views are chosen by what the rendering would get wrong without them
+    (`peaking.best_frames`).
 
     Args:
         files: Of a recording, some frames of which can become views.
@@ -74,18 +72,8 @@ def thin(
     """
     usable = files.usable
     wanted = min(num_views or len(usable), len(usable))
-    if _guessed_bytes(files, usable, WHOLE) + other_bytes < SURELY * room_bytes / wanted:
-        coding, fitting = WHOLE, wanted
-    else:
-        coding = COMPACT
-        each_bytes = _guessed_bytes(files, usable, COMPACT) + other_bytes
-        fitting = int(AT_FIRST * room_bytes / each_bytes)
-        if fitting < 1:
-            raise OutputError(
-                f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
-                f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
-            )
-    kept = _chosen(files, min(fitting, wanted), progress)
+    coding, fitting = _coding(files, wanted, room_bytes, other_bytes)
+    kept = _chosen(files, fitting, progress)
     mpis = {i: files.mpi(i, coding) for i in progress(sorted(kept), "generating")}
     while sum(map(len, mpis.values())) + len(mpis) * other_bytes > room_bytes and len(mpis) > 1:
         del mpis[kept.pop()]
@@ -125,10 +113,13 @@ def loss_db(
         frame = frames.frame(i)
         of_all = frames.render([j for j in everything if j != i], frame.camera).rgba
         views = [mpi for j, mpi in kept.items() if j != i]
-        if views and (frame.mask is None or frame.mask.any()):
-            near = frame.camera.relative_to(files.origin_m)
-            of_kept = LightField(views, files.options).render(near).rgba
-            losses_db.append(_psnr_db(of_all, frame) - _psnr_db(of_kept, frame))
+        if not views:
+            continue
+        near = frame.camera.relative_to(files.origin_m)
+        of_kept = LightField(views, files.options).render(near).rgba
+        before_db, after_db = (psnr_db(rgba[..., :3], frame) for rgba in (of_all, of_kept))
+        if before_db is not None and after_db is not None:
+            losses_db.append(before_db - after_db)
     return float(np.mean(losses_db)) if losses_db else None
 
 
@@ -139,14 +130,28 @@ class _StoredFrames(RecordedFrames):
         return decode(WHOLE.encode(super()._made(index)))
 
 
-def _psnr_db(rgba: np.ndarray, frame: Frame) -> float:
-    rgb = np.clip(rgba[..., :3], 0, 1).astype(np.float64)
-    return min(psnr(rgb, frame.rgb / 255.0, frame.mask), MOST_PSNR_DB)
+def _coding(
+    files: RecordedFiles, wanted: int, room_bytes: int, other_bytes: int
+) -> tuple[Coding, int]:
+    """Return how images are coded, and how many views are tried.
+
+    It is the largest coding in which all that are wanted fit, or else the smallest.
+    """
+    for coding in (WHOLE, *BETWEEN):
+        if (_guessed_bytes(files, coding) + other_bytes) * wanted <= SURELY * room_bytes:
+            return coding, wanted
+    each_bytes = _guessed_bytes(files, COMPACT) + other_bytes
+    if each_bytes > room_bytes:
+        raise OutputError(
+            f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
+            f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
+        )
+    return COMPACT, min(wanted, int(AT_FIRST * room_bytes / each_bytes))
 
 
-def _guessed_bytes(files: RecordedFiles, usable: Sequence[int], coding: Coding) -> float:
+def _guessed_bytes(files: RecordedFiles, coding: Coding) -> float:
     """Return how large a frame's image is in the mean, from a few."""
-    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(usable, SAMPLED)]))
+    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(files.usable, SAMPLED)]))
 
 
 def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:
