@@ -19,6 +19,7 @@ from peaking.commands import (
     bench_guidance,
     bench_live,
     bench_trust,
+    bench_view,
     checkpoints,
     convert,
     demo,
@@ -68,6 +69,7 @@ Examples:
   peaking checkpoints
   peaking bench --json bench.json
   peaking bench live --json live.json
+  peaking bench view --json view.json
   peaking bench generators
   peaking bench trust scenes/desk
   peaking bench guidance scenes/desk
@@ -110,6 +112,7 @@ COMMANDS: dict[str, type[Command]] = {
     "bench guidance": bench_guidance.BenchGuidance,
     "bench generators": bench_generators.BenchGenerators,
     "bench trust": bench_trust.BenchTrust,
+    "bench view": bench_view.BenchView,
 }
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from peaking.datasets import open_recording
+from datasets.test_videos import written
+from peaking.datasets import Recording, open_recording
 from peaking.datasets.archive import unpacked
 from peaking.datasets.cache import KEPT_DAYS, cache_folder, made_once
 from peaking.errors import RecordingError
@@ -50,6 +53,47 @@ def test_a_changed_zip_is_unpacked_again(tmp_path: Path) -> None:
     assert len(open_recording(path)) == 3
     zipped(tmp_path / "four", path)
     assert len(open_recording(path)) == 4
+
+
+def test_what_is_wrong_in_a_zip_names_the_zip(tmp_path: Path) -> None:
+    folder = tmp_path / "room"
+    write_recording(folder, num_frames=3)
+    (folder / "images/frame_00001.png").write_bytes(b"\x89PNG\r\n\x1a\n no picture")
+    path = zipped(folder, tmp_path / "walk.zip", below="room/")
+    with pytest.raises(RecordingError) as caught:
+        open_recording(path)
+    assert caught.value.path == path / "room/images/frame_00001.png"
+    assert str(cache_folder()) not in str(caught.value)
+
+
+def test_what_is_found_wrong_later_names_the_zip_too(tmp_path: Path) -> None:
+    folder = tmp_path / "room"
+    write_recording(folder, num_frames=3)
+    data = (folder / "images/frame_00001.png").read_bytes()
+    (folder / "images/frame_00001.png").write_bytes(data[:-200])
+    recording = open_recording(zipped(folder, tmp_path / "walk.zip"))
+    assert recording.path == tmp_path / "walk.zip"
+
+    def written_out() -> object:
+        return recording.write_subset([1], tmp_path / "out")
+
+    for act in (functools.partial(recording.read, 1), written_out):
+        with pytest.raises(RecordingError) as caught:
+            act()
+        assert str(caught.value).startswith(f"{tmp_path}/walk.zip/images/frame_00001.png: ")
+    assert isinstance(recording, Recording)
+
+
+def test_a_zip_of_a_file_that_is_a_recording(tmp_path: Path) -> None:
+    """A video among other files, and a table of cameras whose pictures are elsewhere."""
+    pictures = [np.full((48, 64, 3), level, np.uint8) for level in range(0, 200, 40)]
+    written(tmp_path / "clip.mp4", pictures)
+    path = stored(
+        tmp_path / "walk.zip",
+        {"a/readme.txt": b"hello", "a/clip.mp4": (tmp_path / "clip.mp4").read_bytes()},
+    )
+    with pytest.raises(RecordingError, match=r"walk\.zip/a/clip\.mp4: shows the same place"):
+        open_recording(path)
 
 
 def stored(path: Path, names: dict[str, bytes]) -> Path:

@@ -105,9 +105,8 @@ def test_headings_are_clockwise_from_the_north_and_a_nose_goes_up(tmp_path: Path
     angles = ["0,0,0", "90,0,0", "0,90,0"]
     rows = [f"IMG {i}.jpg,1,2,3,{turn},30" for i, turn in enumerate(angles)]
     (root / "cameras.csv").write_text("\n".join([HEADER.split(",px")[0], *rows]))
-    down, east, up_nose = (
-        camera.world_from_cam.rotation for camera in open_recording(root).cameras
-    )
+    cameras = open_recording(root).cameras
+    down, east, up_nose = (camera.world_from_cam.rotation for camera in cameras)
     np.testing.assert_allclose(down[:, 2], [0, 0, -1], atol=1e-12)
     np.testing.assert_allclose(-down[:, 1], [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(-east[:, 1], [1, 0, 0], atol=1e-12)

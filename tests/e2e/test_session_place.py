@@ -13,10 +13,11 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from capture_uploads import SESSION_ID, capture_id, new_session
-from desk_uploads import upload_of_desk
+from desk_uploads import DESK, upload_of_desk
 from e2e.test_viewer import camera_of, canvas_of
 from e2e.virtual_phone_page import PATIENCE_MS, VirtualPhonePage, keep_picture, moved
 from live_server import LiveServer
+from peaking.datasets import open_recording
 from peaking.export.splats import read_splats
 from peaking.splat.rasterise import render
 
@@ -70,14 +71,14 @@ def wait_for(page: Page, holds: str, argument: object = None) -> None:
 def test_it_grows_while_one_captures(context: BrowserContext, server: LiveServer) -> None:
     phone = VirtualPhonePage(context.new_page(), server.address)
     phone.hold(moved())
-    phone.shoot()
+    phone.shoot_and_wait()
     sessions = told(f"{server.address}/api/v1/sessions")
     page = opened(context, f"{server.address}/view#{sessions[0]['id']}")
     expect(page.locator(".place-title")).to_contain_text("1 view", timeout=PATIENCE_MS)
     wait_for(page, "() => viewer.inspection.shown === 'place' && viewer.inspection.count() > 300")
     before = page.evaluate("viewer.inspection.count()")
     phone.hold(moved(0.3))
-    phone.shoot()
+    phone.shoot_and_wait()
     expect(page.locator(".place-title")).to_contain_text("2 views", timeout=PATIENCE_MS)
     expect(page.get_by_role("button", name="Photo 2")).to_be_visible(timeout=PATIENCE_MS)
     wait_for(page, "before => viewer.inspection.count() > before + 300", before)
@@ -95,8 +96,18 @@ def test_a_splat_is_trained_and_turned(
     wait_for(page, "() => viewer.inspection.shown === 'splat' && viewer.inspection.count() > 500")
     details = page.locator(".place-details")
     expect(details).to_contain_text("dB on 2 photos", timeout=PATIENCE_MS)
-    expect(details.get_by_role("listitem")).to_have_count(3)
+    worst = details.get_by_role("button")
+    expect(worst).to_have_count(3)
     training = told(f"{session}/training")
+    worst.first.click()  # and it is looked from there
+    wanted = open_recording(DESK).read(4 * int(training["worst"][0]["capture"][-12:])).camera
+    wait_for(
+        page,
+        """wanted => { const { rows } = viewer.inspection.camera().worldFromCam;
+          return Math.hypot(rows[3] - wanted[0], rows[7] - wanted[1], rows[11] - wanted[2]) < 1e-5
+            && viewer.inspection.asleep; }""",
+        wanted.position_m.tolist(),
+    )
     assert training["state"] == "done"
     wait_for(page, "count => viewer.inspection.count() === count", training["gaussians"])
     keep_picture(page, "trained")

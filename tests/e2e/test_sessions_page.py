@@ -22,6 +22,7 @@ SIZES = {
     "phone on its side": ViewportSize(width=844, height=390),
     "small phone": ViewportSize(width=320, height=568),
     "desktop": ViewportSize(width=1280, height=800),
+    "4K": ViewportSize(width=3840, height=2160),
 }
 FINGER_PX = 44
 
@@ -77,7 +78,7 @@ def test_it_is_of_use_at_every_size(browser: Browser, server: LiveServer, count:
     fill(server, count)
     faults: dict[str, list[str]] = {}
     for name, size in SIZES.items():
-        touch = name != "desktop"
+        touch = "phone" in name
         context = browser.new_context(viewport=size, has_touch=touch, is_mobile=touch)
         page = opened(context, server)
         problems: list[str] = []

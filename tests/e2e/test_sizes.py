@@ -16,6 +16,8 @@ SIZES = {
     "phone on its side": (844, 390),
     "laptop": (1366, 650),
     "small window": (1000, 600),
+    "full HD": (1920, 1080),
+    "4K": (3840, 2160),
     "enlarged to 200 %": (640, 400),
 }
 

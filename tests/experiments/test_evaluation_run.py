@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from evaluate_factories import FRAMES, SIZE_PX
 
+from colmap_models import write_colmap
 from peaking.cli import main
-from peaking.datasets import open_recording
+from peaking.datasets import Reading, open_recording
 from peaking.errors import OutputError, PeakingError, RecordingError
 from peaking.experiments.executors import InProcess, ProcessPool
 from peaking.experiments.plan import (
@@ -30,7 +31,8 @@ from peaking.experiments.step_cache import StepCache
 from peaking.experiments.steps import Found, perform
 from peaking.geometry import Rigid
 from peaking.options import DEFAULT
-from recordings import lateral_cameras, write_recording
+from recordings import Room, lateral_cameras, write_recording
+from written_formats import Shot, png
 
 SMALL = replace(DEFAULT, pixels=48 * 64, num_planes=8)
 SAME = 1e-5
@@ -266,6 +268,26 @@ def test_a_recording_without_depth_is_refused_with_what_to_leave_out(tmp_path: P
     by_pose = replace(plan, strategies=("uniform", "farthest"), reconstruct=("3dgs",))
     by_pose = replace(by_pose, splat=SplatTraining(iterations=5, pixels=1024))
     assert len(evaluate(by_pose, tmp_path / "poses", InProcess()).results) == 2
+
+
+def test_pictures_may_lie_elsewhere(tmp_path: Path) -> None:
+    taken = [Shot(c, *Room().photographed(c), 0.0) for c in lateral_cameras(16, 64, 48)]
+    model = write_colmap(tmp_path / "model", taken, pictures=None)
+    for i, shot in enumerate(taken):
+        png(tmp_path / f"photos/frame_{i}.png", shot.rgb)
+    splat = SplatTraining(iterations=5, pixels=1024)
+    plan = EvaluationOptions(
+        scenes=(model,),
+        options=SMALL,
+        views=(3,),
+        strategies=("uniform", "farthest"),
+        reconstruct=("3dgs",),
+        splat=splat,
+        reading=Reading("colmap", tmp_path / "photos"),
+    )
+    assert len(evaluate(plan, tmp_path / "out", ProcessPool(1)).results) == 2
+    with pytest.raises(ValueError, match="need one scene for --images"):
+        replace(plan, scenes=(model, tmp_path / "other"))
 
 
 def test_too_many_views_leave_no_report(plan: EvaluationOptions, tmp_path: Path) -> None:

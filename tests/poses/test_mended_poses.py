@@ -143,8 +143,16 @@ def test_every_command_that_is_asked_to_mends(
         atol=1e-9,
     )
     monkeypatch.setitem(sys.modules, "pycolmap", None)  # it is not asked for a second time
-    main(["info", str(scene), "--refine"])
-    assert "poses were mended" in capsys.readouterr().out
+    main(["info", str(scene), "--refine", "--json", str(tmp_path / "info.json")])
+    said = capsys.readouterr().out
+    assert "poses were mended" in said
+    told = json.loads((tmp_path / "info.json").read_text())["refined"]
+    assert told["is_better"]
+    assert [frame["name"] for frame in told["frames"]] == list(mended.names)
+    worst = max(told["frames"], key=lambda frame: frame["after_px"] or 0.0)
+    assert worst["after_px"] < worst["before_px"]
+    expected = f"{worst['name']} {worst['before_px']:.2f} → {worst['after_px']:.2f} px"
+    assert f"farthest off: {expected}" in said
 
 
 def test_an_evaluation_is_of_the_mended_poses(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import tyro
 
 from peaking.commands.arguments import checked_arguments
 from peaking.commands.options import MethodOptions
+from peaking.commands.scenes import SceneOptions
 from peaking.options import PAPER_PEAKED_SHARE, POLICY_NAMES, PolicyName
 from peaking.terminal import say
 
@@ -66,8 +67,6 @@ class Evaluate:
     """Train 3dgs on the CPU (numba) or on CUDA (gsplat, extra `splat`)."""
     cameras: Literal["recorded", "colmap"] = "recorded"
     """Camera poses of 3dgs: the recorded ones or, as in the paper, COLMAP's (extra `colmap`)."""
-    refine: bool = False
-    """Mend the recorded poses first, for all that is done (extra `colmap`; takes minutes, once)."""
     lpips_checkpoints: Path | None = None
     """Folder with torchvision's alexnet-owt-7be5be79.pth, for LPIPS; default: the folder that
     `peaking checkpoints` prints."""
@@ -77,6 +76,7 @@ class Evaluate:
     """Run as Ray tasks (extra `ray`): the address of a cluster, or `local`."""
     json: Path | None = None
     """Also write results.json to this file."""
+    reading: SceneOptions = field(default_factory=SceneOptions)
     method: MethodOptions = field(default_factory=MethodOptions)
 
     def run(self) -> None:
@@ -105,6 +105,7 @@ class Evaluate:
         say(f"report: {(self.out / 'report.html').resolve()}")
 
     def _plan(self) -> EvaluationOptions:
+        from peaking.datasets import Reading
         from peaking.experiments.plan import EvaluationOptions
         from peaking.experiments.reconstruct import SplatTraining
 
@@ -120,7 +121,8 @@ class Evaluate:
             uniform_metres_per_rad=self.uniform_m_per_rad,
             splat=SplatTraining(self.backend, self.iterations, self.splat_pixels),
             cameras=self.cameras,
-            refine=self.refine,
+            refine=self.reading.refine,
+            reading=Reading(self.reading.format, self.reading.images),
             lpips_folder=self.lpips_checkpoints,
         )
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from peaking.commands.scenes import SceneOptions
+from peaking.commands.scenes import SceneOptions, residuals_of
 from peaking.terminal import say
 
 
@@ -52,4 +52,5 @@ class Info:
         found = asdict(facts)
         if facts.looks is not None:
             found["looks"] = {key: value.tolist() for key, value in vars(facts.looks).items()}
+        found |= residuals_of(recording)
         write_results(self, {"format": recording.format, "frames": len(recording), **found})

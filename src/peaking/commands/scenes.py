@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,16 @@ class SceneOptions:
         for note in recording.notes if with_notes else ():
             say(f"{scene}: {note}")
         return recording
+
+
+def residuals_of(recording: Recording) -> dict[str, object]:
+    """Return for `--json` how far off the matches of each picture are, where --refine looked."""
+    from peaking.datasets.mended_poses import RefinedRecording
+
+    if not isinstance(recording, RefinedRecording):
+        return {}
+    frames = [asdict(residual) for residual in recording.residuals]
+    return {"refined": {"is_better": recording.mended.is_better, "frames": frames}}
 
 
 def scenes_or_sample(scenes: Sequence[Path]) -> Sequence[Path]:

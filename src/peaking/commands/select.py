@@ -11,7 +11,7 @@ import tyro
 
 from peaking.commands.arguments import ArgumentError, checked_arguments
 from peaking.commands.options import MethodOptions
-from peaking.commands.scenes import SceneOptions
+from peaking.commands.scenes import SceneOptions, residuals_of
 from peaking.terminal import say
 
 STARTING = "starting (the first run compiles for a minute)"
@@ -108,5 +108,6 @@ class Select:
                 "by_pictures": best.by_pictures,
                 "curve": [list(vars(point).values()) for point in best.curve],
                 "seconds": seconds,
+                **residuals_of(recording),
             },
         )

@@ -24,6 +24,28 @@ from peaking.poses.colmap import shrunk_for_features
 from peaking.poses.refine import refine_cameras
 
 _REFINED = "refined.json"
+_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How far matches of a picture lie from epipolar lines, in pixels, in the median.
+
+    Attributes:
+        name: Of the frame.
+        before_px: With the recorded poses, None: nothing tells.
+        after_px: With those that are used.
+    """
+
+    name: str
+    before_px: float | None
+    after_px: float | None
+
+    def words(self) -> str:
+        """Say both."""
+        if self.before_px is None or self.before_px == self.after_px:
+            return f"{self.after_px:.2f} px"
+        return f"{self.before_px:.2f} → {self.after_px:.2f} px"
 
 
 class Mended(msgspec.Struct, frozen=True):
@@ -38,7 +60,7 @@ class Mended(msgspec.Struct, frozen=True):
     """Residual of each frame, -1 where none is known."""
 
 
-def refined(recording: Recording) -> Recording:
+def refined(recording: Recording) -> RefinedRecording:
     """Return a recording with mended poses, or as it is, with a note, where that does not help.
 
     Raises:
@@ -94,8 +116,23 @@ class RefinedRecording:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Those that there were, and what became of the poses."""
-        return (*self.recorded.notes, self.mended.words)
+        """Those that there were, what became of the poses, and which fit least."""
+        known = [one for one in self.residuals if one.after_px is not None]
+        worst = sorted(known, key=lambda one: -(one.after_px or 0.0))[:_NAMED]
+        named = ", ".join(f"{one.name} {one.words()}" for one in worst)
+        least = [f"farthest off: {named}"] if worst else []
+        return (*self.recorded.notes, self.mended.words, *least)
+
+    @property
+    def residuals(self) -> Sequence[Residual]:
+        """How far matches that took no part lie off, of each frame."""
+        mended = self.mended
+        return tuple(
+            Residual(name, before if before >= 0 else None, after if after >= 0 else None)
+            for name, before, after in zip(
+                self.names, mended.before_px, mended.after_px, strict=True
+            )
+        )
 
     @property
     def names(self) -> Sequence[str]:

@@ -23,11 +23,14 @@ from peaking.datasets import (
     tum,
     video,
 )
+from peaking.datasets.archived import ArchivedRecording, named_in
 from peaking.datasets.recording import Recording
 from peaking.errors import RecordingError
 
 _DEPTH = 3
 """Folders that an archive may have around its recording."""
+_MOST_FILES = 1000
+"""Of an archive without a folder that is a recording: so many are looked at."""
 
 
 @dataclass(frozen=True)
@@ -188,11 +191,12 @@ def open_recording(
     named = _named(given, reading.format)
     if archive.is_archive(given):
         inside = archive.unpacked(given)
-        for root in _folders(inside):
-            known = named or _format_of(root)
-            if known is not None and known.recognises(root):
-                return known.open(root, reading, confined)
-        raise _unknown(given, "holds no recording of a format that is known")
+        found = _found(inside, named)
+        if found is None:
+            raise _unknown(given, "holds no recording of a format that is known")
+        known, root = found
+        with named_in(given, inside):
+            return ArchivedRecording(known.open(root, reading, confined), given, inside)
     known = named or _format_of(given)
     if known is None:
         raise _unknown(given, "is no recording of a format that is known")
@@ -211,6 +215,22 @@ def _named(path: Path, name: str | None) -> Format | None:
         problem = f"is to be read as {name!r}, which is no format"
         raise RecordingError(path, problem, remedy=f"give one of {', '.join(NAMES)}")
     return known
+
+
+def _found(inside: Path, named: Format | None) -> tuple[Format, Path] | None:
+    """Return the first recording in an unpacked archive: a folder, or else a file that is one."""
+    folders = _folders(inside)
+    files = [
+        file
+        for folder in folders
+        for file in sorted(folder.iterdir())
+        if file.is_file() and not file.name.startswith(".")
+    ]
+    for path in [*folders, *files[:_MOST_FILES]]:
+        known = named or _format_of(path)
+        if known is not None and known.recognises(path):
+            return known, path
+    return None
 
 
 def _folders(root: Path) -> list[Path]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import peaking
+from peaking.datasets.registry import AS_FOUND, Reading
 from peaking.errors import RecordingError
 from peaking.experiments.placing import Placement, Pose
 from peaking.experiments.reconstruct import ModelKind, SplatTraining
@@ -47,6 +48,8 @@ class EvaluationOptions:
     """Where 3D Gaussians are trained and tested from."""
     refine: bool = False
     """Mend the recorded poses first, for everything."""
+    reading: Reading = AS_FOUND
+    """How the recordings are read."""
     lpips_folder: Path | None = None
 
     def __post_init__(self) -> None:
@@ -60,6 +63,8 @@ class EvaluationOptions:
             raise ValueError(f"need seeds >= 1, got {self.seeds}")
         if len({scene.resolve().name for scene in self.scenes}) < len(self.scenes):
             raise ValueError("need scenes whose folders have different names")
+        if self.reading.images is not None and len(self.scenes) > 1:
+            raise ValueError("need one scene for --images, the folder of its pictures")
         if not 0 <= self.threshold_share < 1:
             raise ValueError(f"need 0 <= threshold_share < 1, got {self.threshold_share}")
         if not 0 <= self.uniform_metres_per_rad < math.inf:
@@ -112,6 +117,7 @@ class CountStep(EvaluationStep):
     threshold_share: float
     mpis: Path | None = None
     """Folder for MPIs that all workers share."""
+    reading: Reading = AS_FOUND
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,7 @@ class PlaceStep(EvaluationStep):
 
     scene: Path
     fingerprint: str
+    reading: Reading = AS_FOUND
 
 
 @dataclass(frozen=True)
@@ -137,6 +144,7 @@ class ChooseStep(EvaluationStep):
     """0 too where Uniform decides neither the views nor the test views."""
     mpis: Path | None = None
     """Folder for MPIs that all workers share."""
+    reading: Reading = AS_FOUND
 
 
 @dataclass(frozen=True)
@@ -157,12 +165,16 @@ class ScoreStep(EvaluationStep):
     lpips_folder: Path | None
     mpis: Path | None = None
     """Folder for MPIs that all workers share."""
+    reading: Reading = AS_FOUND
 
 
 def key_of(step: EvaluationStep) -> str:
-    """Return a name that changes with everything that a step's result depends on."""
+    """Return a name that changes with everything that a step's result depends on.
+
+    The fingerprint is of the recording as it was read.
+    """
     fields = {"step": type(step).__name__, "version": peaking.__version__, **asdict(step)}
-    for path in ("scene", "lpips_folder", "mpis"):
+    for path in ("scene", "reading", "lpips_folder", "mpis"):
         fields.pop(path, None)
     text = json.dumps(fields, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
@@ -190,6 +202,7 @@ def choose_steps(
             if strategy == "uniform" or test_views == "paper"
             else 0.0,
             mpis=mpis,
+            reading=plan.reading,
         )
         for test_views in plan.test_views
         for count in counts
@@ -238,6 +251,7 @@ def score_step(
         lpips=lpips,
         lpips_folder=plan.lpips_folder,
         mpis=chosen.mpis,
+        reading=chosen.reading,
     )
 
 

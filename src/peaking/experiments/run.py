@@ -146,7 +146,7 @@ def evaluate(
         compare(results, reference=plan.reference, rng=rng),
         notes=[
             *(f"{scene.resolve().name}: {p.words()}." for scene, p in placements.items()),
-            *(f"{s.resolve().name}: {_mended(s)}." for s in plan.scenes if plan.refine),
+            *(f"{s.resolve().name}: {_mended(plan, s)}." for s in plan.scenes if plan.refine),
         ],
         costs=added(runner.took.values(), runner.peaks_mb),
     )
@@ -170,7 +170,7 @@ def _begin(out: Path) -> None:
 
 def _checked(plan: EvaluationOptions, root: Path) -> str:
     """Return the recording's fingerprint after looking whether the plan fits it."""
-    recording = open_recording(root)
+    recording = open_recording(root, plan.reading)
     if not any(recording.has_depth):
         needing = sorted(name for name in plan.strategies if POLICIES[name].needs_depth)
         needing += ["--reconstruct mpi"] if "mpi" in plan.reconstruct else []
@@ -183,9 +183,9 @@ def _checked(plan: EvaluationOptions, root: Path) -> str:
     return (refined(recording) if plan.refine else recording).fingerprint()
 
 
-def _mended(scene: Path) -> str:
+def _mended(plan: EvaluationOptions, scene: Path) -> str:
     """Say what became of the poses of a scene."""
-    return refined(open_recording(scene)).notes[-1]
+    return refined(open_recording(scene, plan.reading)).mended.words
 
 
 def _counts(
@@ -195,9 +195,12 @@ def _counts(
     if isinstance(plan.views, tuple):
         return dict.fromkeys(plan.scenes, plan.views)
     if plan.views is None:
-        return {scene: budgets(num_candidates(open_recording(scene))) for scene in plan.scenes}
+        opened = {scene: open_recording(scene, plan.reading) for scene in plan.scenes}
+        return {scene: budgets(num_candidates(one)) for scene, one in opened.items()}
     steps = {
-        scene: CountStep(scene, prints[scene], plan.options, plan.threshold_share, mpis)
+        scene: CountStep(
+            scene, prints[scene], plan.options, plan.threshold_share, mpis, plan.reading
+        )
         for scene in plan.scenes
     }
     found = runner.run(list(steps.values()), "counting views")
@@ -210,7 +213,7 @@ def _placements(
     """Return where COLMAP says that the frames were taken; nothing where it is not asked."""
     if plan.cameras == "recorded":
         return {}
-    steps = {scene: PlaceStep(scene, prints[scene]) for scene in plan.scenes}
+    steps = {scene: PlaceStep(scene, prints[scene], plan.reading) for scene in plan.scenes}
     found = runner.run(list(steps.values()), "finding cameras (COLMAP; minutes)")
     return {scene: Placement.read(found[step]) for scene, step in steps.items()}
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from peaking.datasets import open_recording
 from peaking.datasets.mended_poses import refined
+from peaking.datasets.registry import AS_FOUND, Reading
 from peaking.errors import RecordingError
 from peaking.experiments.costs import took
 from peaking.experiments.placing import at_pose, place
@@ -64,7 +65,9 @@ def perform(
     elif not isinstance(step, CountStep | ChooseStep | ScoreStep):
         raise TypeError(f"need a step of an evaluation, got {type(step).__name__}")
     else:
-        frames = _opened(step.scene, step.fingerprint, step.options, step.mpis)
+        frames = _opened(
+            step.scene, step.fingerprint, step.options, step.mpis, reading=step.reading
+        )
         found = _done(frames, step, wall_s)
         stages_ms, made = frames.take_costs()
     if isinstance(step, ChooseStep | CountStep):
@@ -87,12 +90,19 @@ def usable_frames(frames: RecordedFrames) -> list[int]:
 
 
 @lru_cache(maxsize=1)
-def _opened(root: Path, fingerprint: str, options: Options, mpis: Path | None) -> RecordedFrames:
+def _opened(
+    root: Path,
+    fingerprint: str,
+    options: Options,
+    mpis: Path | None,
+    *,
+    reading: Reading = AS_FOUND,
+) -> RecordedFrames:
     """Return the scene; a worker keeps the last one with its frames and MPIs.
 
     One of another fingerprint than was recorded is the one with mended poses.
     """
-    recording = open_recording(root)
+    recording = open_recording(root, reading)
     if recording.fingerprint() != fingerprint:
         recording = refined(recording)
     return RecordedFrames(recording, options, shared=mpis and mpis / fingerprint)
@@ -107,7 +117,7 @@ def _count(frames: RecordedFrames, step: CountStep) -> Found:
 def _place(step: PlaceStep, wall_s: Clock) -> Found:
     start_s = wall_s()
     return {
-        **asdict(place(open_recording(step.scene))),
+        **asdict(place(open_recording(step.scene, step.reading))),
         "seconds": wall_s() - start_s,
     }
 

@@ -194,7 +194,7 @@ class Trainings:
                 running.stop.set()
             else:
                 running = None
-        until_s = self._clock() + ENDING_S
+        until_s = self._clock() + 2 * ENDING_S  # it is killed before that
         while running is not None and self._running is running and self._clock() < until_s:
             time.sleep(WATCH_S)
 

@@ -27,5 +27,6 @@ export function showSession(
   const more = [...panel === null ? [] : [panel.element], ...rest.more ?? []];
   const viewer = new Viewer(element, place, { ...rest, parts: partsOf(), more });
   panel?.onSplat(() => void viewer.show('splat'));
+  panel?.onView((capture) => viewer.goTo(place.place.views.findIndex(({ name }) => name === capture)));
   return { viewer, place };
 }

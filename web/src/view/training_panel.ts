@@ -18,6 +18,7 @@ export class TrainingPanel {
   readonly #says = make('p');
   readonly #worst = make('ul');
   #onSplat: () => void = () => undefined;
+  #onView: (capture: string) => void = () => undefined;
   /** It was begun here, and nothing of it was shown yet. */
   #isMine = false;
   /** What the server refused. */
@@ -38,6 +39,11 @@ export class TrainingPanel {
   onSplat(listener: () => void): void {
     this.#onSplat = listener;
     this.#draw();
+  }
+
+  /** @param listener Called with a view that someone wants to look from. */
+  onView(listener: (capture: string) => void): void {
+    this.#onView = listener;
   }
 
   async #press(): Promise<void> {
@@ -76,8 +82,13 @@ export class TrainingPanel {
 
   #drawWorst(training: Training | null): void {
     const worst = training?.state === 'done' ? training.worst : [];
-    this.#worst.replaceChildren(...worst.map(({ number, psnr_db, suggestion }) =>
-      make('li', {}, `View ${number}: ${psnr_db.toFixed(1)}\u00a0dB. ${suggestion}`)));
+    const key = JSON.stringify(worst);
+    if (this.#worst.dataset['drawn'] === key) return;
+    this.#worst.dataset['drawn'] = key;
+    this.#worst.replaceChildren(...worst.map(({ capture, number, psnr_db, suggestion }) => {
+      const text = `View ${number}: ${psnr_db.toFixed(1)}\u00a0dB. ${suggestion}`;
+      return make('li', {}, make('button', { type: 'button', onclick: () => this.#onView(capture) }, text));
+    }));
     show(this.#worst, worst.length > 0);
   }
 }

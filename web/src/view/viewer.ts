@@ -88,7 +88,7 @@ export class Viewer implements Disposable {
     this.element = element;
     this.#source = source;
     this.#options = options;
-    this.#strip = new Strip((file) => source.url(file), (view) => this.#goTo(view));
+    this.#strip = new Strip((file) => source.url(file), (view) => this.goTo(view));
     element.classList.add('viewer');
     element.classList.toggle('compact', options.compact === true);
     this.#status.setAttribute('role', 'status');
@@ -259,7 +259,7 @@ export class Viewer implements Disposable {
     return {
       wake: () => { if (this.#shown === shown) this.#wake(); },
       onProblem: this.#hooks.onProblem,
-      onPick: (view) => this.#goTo(view),
+      onPick: (view) => this.goTo(view),
       onEdge: this.#hooks.onEdge,
       onFirstPicture: () => {
         this.#firstPicture_ms ??= performance.now();
@@ -269,7 +269,8 @@ export class Viewer implements Disposable {
     };
   }
 
-  #goTo(view: number): void {
+  /** Look from where a view was taken; does nothing where it is not there. */
+  goTo(view: number): void {
     const camera = this.#source.place.views[view]?.camera;
     if (camera === undefined || this.#shown === null) return;
     this.#strip.current = view;
