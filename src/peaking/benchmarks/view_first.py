@@ -11,7 +11,7 @@ import numpy as np
 
 from peaking.benchmarks import view_peers
 from peaking.benchmarks.browser import PATIENCE_MS, until
-from peaking.benchmarks.command_server import command_server
+from peaking.benchmarks.servers import command_server
 from peaking.benchmarks.view_material import Material, Told, served
 from peaking.errors import ToolMissing
 
