@@ -58,7 +58,7 @@ def first_pictures(browser: Any, material: Material, told: Told) -> dict[str, ob
         peers["splat-transform"] = view_peers.SPLAT_TRANSFORM
     except ToolMissing as error:
         peers["splat-transform"] = f"not installed: {error}"
-    viewed = ["view", str(material.recording.path)]
+    viewed = ["view", str(material.scene)]
     with served(folder) as address, command_server(viewed) as view_address:
         told("peaking view: the first browser of all")
         first = _light_field(browser, view_address)
