@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from peaking.benchmarks import live_strain
-from peaking.benchmarks.command_server import demo_server
 from peaking.benchmarks.live_phone import LiveCapture, LivePhone, upload_bodies
 from peaking.benchmarks.measure import machine
+from peaking.benchmarks.servers import demo_server
 from peaking.datasets import Recording
 
 PHONES = 20

@@ -13,7 +13,6 @@ from peaking.benchmarks import view_first, view_frames, view_training, view_walk
 from peaking.benchmarks.browser import chromium
 from peaking.benchmarks.measure import machine
 from peaking.benchmarks.view_material import Material, Told
-from peaking.datasets import Recording
 from peaking.server.serving import CLIENT_DIR
 from peaking.share.writing import write_place
 
@@ -26,14 +25,14 @@ class ViewOptions:
     """What to measure.
 
     Attributes:
-        recording: With depth; it lies on the disk.
+        scene: A recording with depth.
         parts: Which, in this order.
         walk_s: How long one walks while memory is watched, seconds.
         splat: Gaussians that were trained on the recording; None: train them where needed.
         seed: Of the walk.
     """
 
-    recording: Recording
+    scene: Path
     parts: Sequence[Part]
     walk_s: float = 300.0
     splat: Path | None = None
@@ -51,7 +50,7 @@ def run(plan: ViewOptions, *, told: Told) -> dict[str, object]:
     document: dict[str, object] = {"machine": machine()}
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        material = Material(plan.recording, folder, plan.splat, told)
+        material = Material(plan.scene, folder, plan.splat, told)
         browser: Any = None
         if not set(plan.parts) <= set(WITHOUT_BROWSER):
             only = "measure only what needs none: --only share training"

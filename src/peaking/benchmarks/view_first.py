@@ -11,7 +11,7 @@ import numpy as np
 
 from peaking.benchmarks import view_peers
 from peaking.benchmarks.browser import PATIENCE_MS, until
-from peaking.benchmarks.command_server import command_server
+from peaking.benchmarks.servers import command_server
 from peaking.benchmarks.view_material import Material, Told, served
 from peaking.errors import ToolMissing
 
@@ -58,7 +58,7 @@ def first_pictures(browser: Any, material: Material, told: Told) -> dict[str, ob
         peers["splat-transform"] = view_peers.SPLAT_TRANSFORM
     except ToolMissing as error:
         peers["splat-transform"] = f"not installed: {error}"
-    viewed = ["view", str(material.recording.path)]
+    viewed = ["view", str(material.scene)]
     with served(folder) as address, command_server(viewed) as view_address:
         told("peaking view: the first browser of all")
         first = _light_field(browser, view_address)

@@ -15,8 +15,8 @@ import numpy as np
 
 from peaking.benchmarks import live_parts, view_peers
 from peaking.benchmarks.browser import PATIENCE_MS, until
-from peaking.benchmarks.command_server import demo_server
 from peaking.benchmarks.live_phone import LivePhone, upload_body
+from peaking.benchmarks.servers import demo_server
 from peaking.benchmarks.view_material import Material, Told, served
 from peaking.errors import ToolMissing
 from peaking.export.splats import read_splats
@@ -155,8 +155,7 @@ def _in_turn(measures: Mapping[str, Callable[[], float]], told: Told) -> dict[st
     """Return what each measured, round by round; every other round in the opposite order."""
     took_ms: dict[str, list[float]] = {name: [] for name in measures}
     for number in range(ROUNDS + 1):
-        names = list(measures) if number % 2 == 0 else list(reversed(measures))
-        for name in names:
+        for name in list(measures)[:: 1 if number % 2 == 0 else -1]:
             told(f"frames of {name}: round {number} of {ROUNDS}")
             took_ms[name].append(measures[name]())
     return {name: np.array(times[1:]) for name, times in took_ms.items()}  # the first warms up

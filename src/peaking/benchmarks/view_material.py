@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from peaking.datasets import Recording
+from peaking.datasets import open_recording
 from peaking.export.splats import read_splats, write_splats
 from peaking.options import DEFAULT
 from peaking.server.serving import CLIENT_DIR
@@ -34,16 +34,20 @@ Told = Callable[[str], None]
 class Material:
     """A recording's files, each made when it is first needed."""
 
-    def __init__(self, recording: Recording, folder: Path, splat: Path | None, told: Told) -> None:
-        """Make nothing yet.
+    def __init__(self, scene: Path, folder: Path, splat: Path | None, told: Told) -> None:
+        """Open the recording; make nothing yet.
 
         Args:
-            recording: With depth.
+            scene: A recording with depth.
             folder: Empty; all is written there.
             splat: Gaussians that were trained on the recording; None: train them.
             told: Hears what is going on.
+
+        Raises:
+            RecordingError: It cannot be used.
         """
-        self.recording = recording
+        self.scene = scene
+        self.recording = recording = open_recording(scene)
         self.folder = folder
         self._splat = splat
         self._told = told

@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from peaking.benchmarks.command_server import demo_server
 from peaking.benchmarks.live_phone import LiveCapture, LivePhone, upload_bodies
+from peaking.benchmarks.servers import demo_server
 from peaking.benchmarks.view_material import Material, Told
 from peaking.server import wire
 

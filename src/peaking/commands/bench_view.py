@@ -57,11 +57,10 @@ class BenchView:
         from peaking.benchmarks.view import ViewOptions, run
         from peaking.commands.results import write_results
         from peaking.commands.scenes import scenes_or_sample
-        from peaking.datasets import open_recording
 
         self._check()
         (scene,) = scenes_or_sample(self.scene)
-        plan = ViewOptions(open_recording(scene), self.only, self.walk_s, self.splat, self.seed)
+        plan = ViewOptions(scene, self.only, self.walk_s, self.splat, self.seed)
         with tqdm(desc="bench view", bar_format="{desc} [{elapsed}]") as bar:
             document = run(plan, told=lambda text: bar.set_description(f"bench view: {text}"))
         write_results(self, document)
