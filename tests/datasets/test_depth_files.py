@@ -97,10 +97,14 @@ def test_a_recording_has_such_depth(ending: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="depth_unit_scale_factor: is missing"):
         open_recording(folder)
     (folder / "transforms.json").write_text(json.dumps({**top, "depth_unit_scale_factor": 1}))
-    depth_m = open_recording(folder).read(1).depth_m
-    assert depth_m is not None
-    assert expected is not None
-    np.testing.assert_allclose(depth_m, expected, rtol=1e-6)
+    recording = open_recording(folder)
+    recording.check_subset([1])
+    subset = recording.write_subset([1], tmp_path / "out")
+    for frame in (recording.read(1), subset.read(0)):
+        assert frame.depth_m is not None
+        assert expected is not None
+        np.testing.assert_allclose(frame.depth_m, expected, rtol=1e-6)
+    assert not list((tmp_path / "out").rglob("*.exr")), "its metadata would be handed on"
 
 
 def test_without_the_extra_the_command_is_named(

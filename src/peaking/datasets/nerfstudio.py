@@ -25,11 +25,14 @@ from peaking.datasets.depth_files import depth_size_px, read_depth
 from peaking.datasets.depth_unit import MOST, depth_over_distance
 from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.nerfstudio_subset import (
+    as_written,
     files_of,
+    is_remade,
     may_tell,
     tells,
-    told_nothing,
     top_of_subset,
+    write_depth,
+    write_files,
 )
 from peaking.datasets.point_cloud import check_points, read_points
 from peaking.datasets.recorded_views import RecordedView, refuse_twice, states_unit, view_of
@@ -252,9 +255,9 @@ class NerfstudioRecording:
         """Write some views as a data set of its own, and return it opened.
 
         Pictures, depth maps, masks and point clouds are copied under their own names, pixels and
-        numbers byte for byte; all fields are kept, and every frame says as `source_index` which
-        view it was. What was written is read back and compared; `out` appears only when it is
-        complete.
+        numbers byte for byte (depth as OpenEXR or TIFF becomes .npy); all fields are kept, and
+        every frame says as `source_index` which view it was. What was written is read back and
+        compared; `out` appears only when it is complete.
 
         Args:
             indices: Of the views, in the order in which they are written.
@@ -273,21 +276,19 @@ class NerfstudioRecording:
         if min(indices) < 0 or max(indices) >= len(self):
             raise ValueError(f"need indices in 0..{len(self) - 1}, got {list(indices)}")
         chosen = [self.views[i] for i in indices]
-        entries = [{**self.views[i].entry, "source_index": int(i)} for i in indices]
+        meant = [as_written(view) for view in chosen]
+        entries = [
+            {**view.entry, "source_index": int(i)} for i, view in zip(indices, meant, strict=True)
+        ]
         text = json.dumps({**top_of_subset(self.top, chosen), "frames": entries}, indent=1)
+        names = files_of(self.path, self.top, chosen)
+        within = None if follow_links else self.root
         with complete_or_absent(out) as folder:
-            for name in files_of(self.path, self.top, chosen):
-                source = self.root / name
-                data = read_bytes(source, within=None if follow_links else self.root)
-                if may_tell(name) and not keep_exif:
-                    data = told_nothing(source, data)
-                target = folder / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(data)
-                if target.read_bytes() != data:
-                    raise OutputError(f"{out}: {name} was not written faithfully; check the disk")
+            write_files(self.root, names, folder, within=within, keep_exif=keep_exif)
+            for view in filter(is_remade, chosen):
+                write_depth(view, self.root, folder, within=within)
             (folder / FILE_NAME).write_text(text, encoding="utf-8")
-            written = _opened_again(folder, out, chosen)
+            written = _opened_again(folder, out, meant)
         return replace(written, root=out)
 
     def picture_bytes(self, index: int, *, keep_exif: bool = False) -> bytes | None:
