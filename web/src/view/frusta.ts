@@ -66,7 +66,7 @@ export class Frusta implements Disposable {
   lookThrough(index: number | null): void {
     this.#forgetThrough();
     const view = index === null ? undefined : this.#views[index];
-    const photo = view?.photo ?? null;
+    const photo = view?.photo ?? view?.thumbnail ?? null;
     this.group.visible = photo === null;
     if (view === undefined || photo === null) return;
     this.#through = this.#picture(view.camera, photo, this.#size);
