@@ -74,7 +74,7 @@ def first_pictures(browser: Any, material: Material, told: Told) -> dict[str, ob
                 told(f"first picture, {name}: {number + 1} of {ROUNDS}")
                 rounds[name].append(measure())
     return {
-        "peaking_view_first_browser": first,
+        "peaking_view_first_browser": medians([first]),
         **{name: medians(measured) for name, measured in rounds.items()},
         "rounds": ROUNDS,
         "megabytes_from_disk": {
