@@ -161,6 +161,14 @@ def test_an_absolute_path_is_no_way_around_links(tmp_path: Path) -> None:
         open_recording(folder, confined=True)
 
 
+def test_time_that_runs_backwards_is_said(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "r")
+    assert open_recording(folder).notes == ()
+    edit(folder, lambda top: top["frames"][2].update(timestamp=-1.0))
+    (note,) = open_recording(folder).notes
+    assert note.startswith("time runs backwards at 1 place:")
+
+
 def nerfcapture(folder: Path, *, unwritten: int) -> Path:
     """Turn a recording into what NeRFCapture writes (DatasetWriter.swift): names, and no depth."""
 
