@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from peaking.datasets import open_recording
+from peaking.datasets.transforms_paths import make_relative
 from peaking.errors import RecordingError
 from peaking.output import encode_png
 from recordings import Room, lateral_cameras, write_recording
@@ -111,6 +113,32 @@ def test_paths_of_other_machines_are_found_in_the_folder(way: str, tmp_path: Pat
     assert not any(word in text for word in ("somebody", "captures", str(tmp_path), "\\\\"))
 
 
+def test_the_longest_end_is_taken_and_then_the_same_beginning_dropped(tmp_path: Path) -> None:
+    for name in ("a/images/0.png", "images/0.png", "images/1.png", "0.png"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    frames = [{"file_path": f"/x/a/images/{i}.png", "name": "/x/a"} for i in range(2)]
+    top: dict[str, Any] = {"frames": frames}
+    make_relative(top, tmp_path)
+    assert [frame["file_path"] for frame in frames] == ["a/images/0.png", "images/1.png"]
+    assert frames[0]["name"] == "/x/a", "it is no path"
+    more = [{"file_path": "/x/images/1.png"}, {"file_path": "/x/images/0.png"}]
+    make_relative({"frames": more}, tmp_path)
+    assert [frame["file_path"] for frame in more] == ["images/1.png", "images/0.png"]
+
+
+def test_many_paths_that_lie_elsewhere_are_not_all_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[Path] = []
+    monkeypatch.setattr(os.path, "isfile", looks.append)
+    path = "/" + "/".join("abcdefghij" * 20) + ".png"
+    frames = [{"file_path": path} for _ in range(1000)]
+    make_relative({"frames": frames}, tmp_path)
+    assert frames[-1]["file_path"] == path
+    assert 0 < len(looks) < 10_000
+
+
 @pytest.mark.parametrize(
     "text", ["/etc/passwd", "C:\\secret.png", "/x/../secret.png", "/x/images/", "\\\\a\\b", "/"]
 )
@@ -131,6 +159,14 @@ def test_an_absolute_path_is_no_way_around_links(tmp_path: Path) -> None:
     edit(folder, lambda top: top["frames"][1].update(file_path=path))
     with pytest.raises(RecordingError, match="link that leaves"):
         open_recording(folder, confined=True)
+
+
+def test_time_that_runs_backwards_is_said(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "r")
+    assert open_recording(folder).notes == ()
+    edit(folder, lambda top: top["frames"][2].update(timestamp=-1.0))
+    (note,) = open_recording(folder).notes
+    assert note.startswith("time runs backwards at 1 place:")
 
 
 def nerfcapture(folder: Path, *, unwritten: int) -> Path:

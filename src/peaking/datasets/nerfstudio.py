@@ -43,6 +43,7 @@ from peaking.datasets.stored_images import (
     read_mask,
     read_picture,
 )
+from peaking.datasets.text_tables import backwards
 from peaking.datasets.transforms_json import (
     FILE_NAME,
     MILLIMETRE_M,
@@ -92,13 +93,19 @@ class NerfstudioRecording:
 
     @property
     def notes(self) -> Sequence[str]:
-        """That NeRFCapture did not write its depth; all else that is wrong is refused."""
+        """That NeRFCapture did not write its depth, or that time runs backwards in one file.
+
+        All else that is wrong is refused.
+        """
         unwritten = sum(
             view.depth is None and view.entry.get("depth_path") is not None for view in self.views
         )
-        if not unwritten:
-            return ()
-        return (f"depth of {unwritten} of {len(self)} frames is named, and was never written",)
+        notes = backwards(self.timestamps_s) if self.path.name == FILE_NAME else []
+        if unwritten:
+            notes.append(
+                f"depth of {unwritten} of {len(self)} frames is named, and was never written"
+            )
+        return tuple(notes)
 
     @property
     def path(self) -> Path:

@@ -19,7 +19,7 @@ from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens, same_aspect
 from peaking.datasets.lzfse_blocks import unpacked
 from peaking.datasets.posed_frames import PosedFrame, PosedRecording, StoredPicture, surely
-from peaking.datasets.text_tables import counted, in_number_order, rotation_of_quaternion
+from peaking.datasets.text_tables import backwards, counted, in_number_order, rotation_of_quaternion
 from peaking.errors import RecordingError
 from peaking.foreign_json import decode_json
 from peaking.geometry import OPENCV_FROM_OPENGL, Cam, Pinhole, Rigid, World
@@ -112,6 +112,7 @@ def open_recording(root: Path, *, confined: bool = False) -> PosedRecording:
     if not frames:
         raise RecordingError(path, "has no finite pose of any picture", remedy=_AGAIN)
     notes = counted(len(pictures) - len(frames), "without a finite pose")
+    notes += backwards([frame.timestamp_s for frame in frames])
     return PosedRecording(
         root.resolve().name, root, "record3d", tuple(frames), tuple(notes), within
     )

@@ -18,7 +18,13 @@ from jaxtyping import Float64
 from peaking.datasets.foreign_files import read_bytes
 from peaking.datasets.lens import Lens
 from peaking.datasets.posed_frames import PosedFrame, PosedRecording, StoredDepth
-from peaking.datasets.text_tables import Row, counted, matrix_of, pose_of_quaternion
+from peaking.datasets.text_tables import (
+    Row,
+    backwards,
+    counted,
+    matrix_of,
+    pose_of_quaternion,
+)
 from peaking.datasets.video_frames import VideoFile, VideoPicture
 from peaking.errors import RecordingError
 from peaking.geometry import Pinhole
@@ -79,9 +85,7 @@ def open_recording(root: Path, *, confined: bool = False) -> PosedRecording:
         raise RecordingError(root / ODOMETRY, "has no finite pose", remedy=_AGAIN)
     notes = counted(len(rows) - len(frames) - missing, "without a finite pose")
     notes += counted(missing, f"beyond the end of {VIDEO}")
-    times_s = [frame.timestamp_s for frame in frames if frame.timestamp_s is not None]
-    if times_s != sorted(times_s):
-        notes.append(f"time runs backwards in {ODOMETRY}")
+    notes += backwards([frame.timestamp_s for frame in frames])
     return PosedRecording(root.resolve().name, root, "stray", tuple(frames), tuple(notes), within)
 
 

@@ -6,6 +6,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,16 @@ def nearest(times_s: Sequence[float], at_s: float, within_s: float) -> int | Non
 def counted(skipped: int, what: str) -> list[str]:
     """Return a note that frames were left out, in a list that is empty where none were."""
     return [f"{skipped} {'frame' if skipped == 1 else 'frames'} {what} left out"] if skipped else []
+
+
+def backwards(times_s: Sequence[float | None]) -> list[str]:
+    """Return a note that time runs backwards, in a list that is empty where it does not."""
+    known = [time_s for time_s in times_s if time_s is not None]
+    count = sum(after < before for before, after in pairwise(known))
+    if count == 0:
+        return []
+    places = "place" if count == 1 else "places"
+    return [f"time runs backwards at {count} {places}: frames stay in the order of the file"]
 
 
 def in_number_order(paths: Sequence[Path]) -> list[Path]:

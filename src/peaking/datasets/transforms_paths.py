@@ -19,6 +19,8 @@ _LEAVES = re.compile(r"/|\.\.(/|\Z)|[A-Za-z]:")
 _PATHS = ("_path", "_paths", "_filename", "_filenames")
 _MOST_PARTS = 32
 """Of an absolute path: that many of its last parts may lie in the folder."""
+_MOST_LOST = 20
+"""Where so many lie elsewhere, others are not looked for: the file is refused."""
 
 
 def leaves(text: str) -> bool:
@@ -50,33 +52,47 @@ def make_relative(top: dict[str, Any], folder: Path) -> None:
         top: What transforms.json holds.
         folder: The one that it lies in.
     """
-    _rewrite(top, folder, is_path=False)
+    _Ends(folder).rewrite(top, is_path=False)
 
 
-def _rewrite(value: dict[str, Any] | list[Any], folder: Path, *, is_path: bool) -> None:
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, inner in list(items):
-        named = is_path or (isinstance(key, str) and key.endswith(_PATHS))
-        if isinstance(inner, str):
-            if named and ("\\" in inner or _ROOTED.match(inner)):
-                cast("dict[Any, Any]", value)[key] = _relative(inner, folder)
-        elif isinstance(inner, dict | list):
-            _rewrite(cast("dict[str, Any]", inner), folder, is_path=named)
+class _Ends:
+    """Finds the ends of absolute paths in a folder; the same beginning is dropped again first."""
 
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._dropped: list[str] = []
+        self._lost = 0
 
-def _relative(text: str, folder: Path) -> str:
-    slashed = text.replace("\\", "/")
-    if not _ROOTED.match(slashed):
-        return slashed
-    parts = [part for part in slashed.split("/") if part not in ("", ".")]
-    if ".." in parts or "\0" in text:
+    def rewrite(self, value: dict[str, Any] | list[Any], *, is_path: bool) -> None:
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in list(items):
+            named = is_path or (isinstance(key, str) and key.endswith(_PATHS))
+            if isinstance(inner, str):
+                if named and ("\\" in inner or _ROOTED.match(inner)):
+                    cast("dict[Any, Any]", value)[key] = self._relative(inner)
+            elif isinstance(inner, dict | list):
+                self.rewrite(cast("dict[str, Any]", inner), is_path=named)
+
+    def _relative(self, text: str) -> str:
+        slashed = text.replace("\\", "/")
+        if not _ROOTED.match(slashed):
+            return slashed
+        parts = [part for part in slashed.split("/") if part not in ("", ".")]
+        if ".." in parts or "\0" in text or self._lost >= _MOST_LOST:
+            return text
+        known = len(self._dropped)
+        starts = [known] if parts[:known] == self._dropped else []
+        for start in (*starts, *range(max(0, len(parts) - _MOST_PARTS), len(parts))):
+            end = "/".join(parts[start:])
+            if not _ROOTED.match(end) and _lies_in(self._folder, end):
+                self._dropped = parts[:start]
+                return end
+        self._lost += 1
         return text
-    # os.path's test answers False for names that no file can have; Path's raises.
-    ends = ("/".join(parts[i:]) for i in range(max(0, len(parts) - _MOST_PARTS), len(parts)))
-    return next((end for end in ends if not _ROOTED.match(end) and _lies_in(folder, end)), text)
 
 
 def _lies_in(folder: Path, name: str) -> bool:
+    # os.path's test answers False for names that no file can have; Path's raises.
     return any(os.path.isfile(folder / (name + end)) for end in PICTURE_ENDINGS)  # noqa: PTH113
 
 
