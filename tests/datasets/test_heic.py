@@ -1,4 +1,4 @@
-"""HEIC pictures: read upright, with EXIF's focal length. The files were written by libheif 1.23.
+"""HEIC pictures: read upright, with EXIF's focal length. The files were written by libheif.
 
 Both show the room from the first of four cameras, one of them stored lying on its side, with the
 turn in EXIF and in the file's own transformation, as phones have it.
