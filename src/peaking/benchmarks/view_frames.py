@@ -21,7 +21,7 @@ from peaking.benchmarks.view_material import Material, Told, served
 from peaking.errors import ToolMissing
 from peaking.export.splats import read_splats
 from peaking.server.serving import CLIENT_DIR
-from peaking.share.file_place import splat_place
+from peaking.share.file_place import place_of_splats
 from peaking.share.writing import write_place
 
 ROUNDS = 7
@@ -129,7 +129,7 @@ def splat_frames(browser: Any, material: Material, told: Told) -> dict[str, obje
     told(f"{GAUSSIANS:,} Gaussians")
     path = material.many_gaussians(GAUSSIANS, seed=0)
     folder = material.folder / "many"
-    write_place(splat_place(path, read_splats(path))[0], folder, CLIENT_DIR)
+    write_place(place_of_splats(path, read_splats(path))[0], folder, CLIENT_DIR)
     try:
         peer_folder = view_peers.library_example(material.folder / "example", path)
     except ToolMissing as error:
