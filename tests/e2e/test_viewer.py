@@ -184,14 +184,17 @@ def test_it_fetches_only_the_views_it_needs(context: BrowserContext, desk: Desk)
 def test_keys_alone_steer_it(context: BrowserContext, desk: Desk) -> None:
     page = opened(context, desk.address)
     light_field(page)
-    at_first = camera_of(page)
+    left = -camera_of(page).world_from_cam.rotation[:, 0]
     page.keyboard.down("ArrowLeft")
-    page.wait_for_timeout(500)
+    page.wait_for_function(
+        """left => { const { rows } = viewer.inspection.camera().worldFromCam;
+          return [2, 6, 10].reduce((sum, at, i) => sum + rows[at] * left[i], 0) > 0.05; }""",
+        arg=left.tolist(),
+        polling=100,
+    )
     page.keyboard.up("ArrowLeft")
     light_field(page)
     turned = camera_of(page)
-    left = -at_first.world_from_cam.rotation[:, 0]
-    assert turned.forward @ left > 0.05
     page.keyboard.down("KeyW")
     page.wait_for_function(
         """([position, forward]) => { const { rows } = viewer.inspection.camera().worldFromCam;
@@ -213,9 +216,11 @@ def test_keys_alone_steer_it(context: BrowserContext, desk: Desk) -> None:
 def test_the_border_of_what_was_captured_is_said(context: BrowserContext, desk: Desk) -> None:
     page = opened(context, desk.address)
     light_field(page)
-    expect(page.get_by_role("status").filter(has_text="Here ends")).to_have_count(0)
+    expect(page.get_by_role("status").filter(has_text="This is the edge")).to_have_count(0)
     page.keyboard.down("KeyS")
-    expect(page.get_by_text("Here ends what was captured.")).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.get_by_text("This is the edge of what was captured.")).to_be_visible(
+        timeout=PATIENCE_MS
+    )
     page.keyboard.up("KeyS")
     light_field(page)
     views = np.array([mpi.camera.position_m for mpi in desk.field.mpis])

@@ -26,6 +26,7 @@ export const ARROWS_LOOK: Readonly<Record<string, Key>> = {
   ArrowUp: [0, 0, 0, 0, 1], ArrowDown: [0, 0, 0, 0, -1], ArrowLeft: [0, 0, 0, 1, 0], ArrowRight: [0, 0, 0, -1, 0],
 };
 
+/** Its numbers may change while it is used. */
 export interface WalkOptions {
   readonly keys: Readonly<Record<string, Key>>;
   readonly walk_m_per_s: number;
@@ -40,6 +41,8 @@ const INERTIA_MS = 120;
 const AT_REST = 1e-3;
 
 export class WalkControls {
+  /** Keys are heard. */
+  enabled = true;
   /** Something was asked for: whoever draws on demand draws. */
   onInput: (() => void) | null = null;
   readonly #walker: Walker;
@@ -94,7 +97,7 @@ export class WalkControls {
     const options = { signal };
     const onKey = (event: Event): void => {
       if (!(event instanceof KeyboardEvent)) return;
-      if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+      if (!this.enabled || event.ctrlKey || event.metaKey || event.altKey || hasKeysOfItsOwn(event.target)) return;
       if (!(event.code in this.#options.keys)) return;
       this.#held.add(event.code);
       event.preventDefault();
@@ -157,6 +160,7 @@ export class WalkControls {
   }
 }
 
-function isTyping(target: EventTarget | null): boolean {
-  return target instanceof HTMLElement && target.closest('input, textarea, select') !== null;
+/** Where keys write, or scroll: marked by `data-keys`. */
+function hasKeysOfItsOwn(target: EventTarget | null): boolean {
+  return target instanceof HTMLElement && target.closest('input, textarea, select, [data-keys]') !== null;
 }

@@ -74,15 +74,19 @@ export class MpiStore implements Disposable {
     this.#options = options;
   }
 
-  /** Make a view known. `load` is called whenever its MPI is wanted and is not on the card. */
-  add(id: string, camera: Camera, load: () => Promise<ArrayBuffer>): void {
+  /**
+   * Make a view known. `load` is called whenever its MPI is wanted and is not on the card.
+   *
+   * @param isWanted It is wanted at once: just taken, it will be looked at.
+   */
+  add(id: string, camera: Camera, load: () => Promise<ArrayBuffer>, isWanted = true): void {
     if (this.#entries.has(id)) return;
     this.#entries.set(id, {
       id, camera, load, stale: false, gpu: null, loading: false, lastWanted: 0, notBefore_ms: 0,
       pause_ms: FIRST_PAUSE_MS,
     });
     this.#list();
-    this.want(id);
+    if (isWanted) this.want(id);
   }
 
   /** A better MPI of a view is there: the old one stays in the picture until the new one is here. */

@@ -72,6 +72,11 @@ export class Governor {
     return this.#mean_ms;
   }
 
+  /** Nothing is drawn for a while: the next frame does not count as one that took so long. */
+  pause(): void {
+    this.#last_ms = null;
+  }
+
   /** Tell that a frame is drawn. Returns whether the level is another one now. */
   frame(time_ms: number): boolean {
     const passed_ms = Math.min(Math.max(time_ms - (this.#last_ms ?? time_ms), 0), LONGEST_FRAME_MS);

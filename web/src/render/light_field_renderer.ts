@@ -48,6 +48,12 @@ export class LightFieldRenderer implements Disposable {
     return this.#view.near.ids;
   }
 
+  /** Whether the view that was taken nearest is in the picture. */
+  get showsNearest(): boolean {
+    const { closest, ids } = this.#view.near;
+    return closest !== null && ids.includes(closest);
+  }
+
   /** What was rendered last, for tests: RGBA8, premultiplied, bottom row first. */
   get targets(): ViewTargets | null {
     return this.#targets;

@@ -15,6 +15,8 @@ export class NearViews {
   most = Infinity;
   readonly mpis: GpuMpi[] = [];
   readonly weights = new Float64Array(MAX_NEIGHBOURS);
+  /** The view that was taken nearest, whether it is here or not; null: there is none. */
+  closest: string | null = null;
   /** As long as `count`. */
   readonly ids: string[] = [];
 
@@ -29,9 +31,11 @@ export class NearViews {
   choose(store: MpiStore, camera: Camera): void {
     const { views, cameras } = store;
     this.count = 0;
+    this.closest = null;
     if (views.length > 0) {
       this.#chooser.measure(cameras, camera);
       const closest = views[this.#chooser.closest];
+      this.closest = closest?.id ?? null;
       const depth_m = closest === undefined ? undefined : store.want(closest.id)?.medianDepth_m;
       this.#sceneDepth_m = depth_m ?? this.#sceneDepth_m;
       const wanted = this.#best(null);

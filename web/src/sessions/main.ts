@@ -259,7 +259,8 @@ function drawDetail(): void {
   };
   const choice = new FormatChoice(point);
   point(choice.format);
-  detail.replaceChildren(
+  const [head, rest] = partsOf(detail, placeOf(id, session));
+  head.replaceChildren(
     make('a', { className: 'button back', href: '#' }, 'All sessions'),
     make('h1', {}, summary.name),
     make('div', { className: 'quiet' }, `${viewsText(summary.captures)}, ${summary.ready} ready`
@@ -270,7 +271,8 @@ function drawDetail(): void {
         : make('a', { className: 'button', href: capturePage(summary) }, 'Continue capturing'), rename, remove),
     ...(summary.damaged ? [make('p', { className: 'quiet problem' }, `${summary.damaged} records of this `
       + 'session are damaged on the disk and were left out. The server names them when it starts.')] : []),
-    placeOf(id, session),
+  );
+  rest.replaceChildren(
     make('div', { className: 'cards' },
       make('div', { className: 'card' }, make('h2', {}, 'Seen from above'), make('div', { id: 'above' })),
       make('div', { className: 'card', id: 'shares-card' }, make('h2', {}, `Share of red over time (dashed: ${PAPER_PERCENT})`),
@@ -282,6 +284,15 @@ function drawDetail(): void {
   drawCharts();
 }
 
+/** What lies above and below the place, which stays where it is: who uses it goes on. */
+function partsOf(detail: HTMLElement, seen: HTMLElement): readonly [HTMLElement, HTMLElement] {
+  const [head, middle, rest] = detail.children;
+  if (middle === seen && head instanceof HTMLElement && rest instanceof HTMLElement) return [head, rest];
+  const parts = [make('div', { className: 'head' }), make('div', { className: 'rest' })] as const;
+  detail.replaceChildren(parts[0], seen, parts[1]);
+  return parts;
+}
+
 /** The session as a place to look around in; what shows it is loaded once there is something to see. */
 function placeOf(id: string, session: Session): HTMLElement {
   const opening = place?.id === id ? place : { id, element: make('section', { className: 'place', ariaLabel: 'The captured place' }), seen: null };
@@ -289,7 +300,10 @@ function placeOf(id: string, session: Session): HTMLElement {
   opening.element.hidden = session.captures.every(({ removed }) => removed === true);
   if (!opening.element.hidden && !opening.element.dataset['opened']) {
     opening.element.dataset['opened'] = 'yes';
-    void openPlace(opening, session).catch(failed);
+    openPlace(opening, session).catch((error: unknown) => {
+      delete opening.element.dataset['opened']; // tried again with the next news
+      failed(error);
+    });
   }
   return opening.element;
 }

@@ -38,6 +38,6 @@ async function follow(api: Api, id: string, options: Options, element: HTMLEleme
         seen?.place.follow(event);
       }
     },
-    onConnection: () => undefined,
+    onConnection: (...told) => seen?.viewer.connected(...told),
   }, new AbortController().signal, { role: 'watch' });
 }

@@ -57,6 +57,7 @@ export class FreeCamera implements Walker {
     this.#pitch_rad = pitch_rad;
     this.#next.set(position);
     this.volume?.hold(this.#position, this.#next);
+    this.#position.set(this.#next);
   }
 
   /** Where one stands to look as a camera does, upright. */

@@ -31,23 +31,31 @@ export class Frusta implements Disposable {
   /** Something came that is to be drawn. */
   readonly #wake: () => void;
   readonly #urlOf: (file: string) => string;
+  readonly #onProblem: (problem: string) => void;
   readonly #loader = new TextureLoader();
   readonly #textures = new Map<string, Texture>();
+  /** Who waits for a texture that is on its way. */
+  readonly #waiting = new Map<string, (() => void)[]>();
   #views: readonly PlaceView[] = [];
+  #suggested: readonly Suggested[] = [];
   #size = 0;
   /** The view through which it is looked: its photo stands before the camera. */
   #through: Mesh<BufferGeometry, MeshBasicMaterial> | null = null;
 
-  constructor(urlOf: (file: string) => string, wake: () => void) {
+  constructor(urlOf: (file: string) => string, wake: () => void, onProblem: (problem: string) => void) {
     this.#urlOf = urlOf;
     this.#wake = wake;
+    this.#onProblem = onProblem;
   }
 
   /** Draw these from now on. @param size How deep a frustum is. */
   update(views: readonly PlaceView[], suggested: readonly Suggested[], size: number): void {
+    if (size === this.#size && areSame(views, this.#views) && areSame(suggested, this.#suggested)) return;
     this.#views = views;
+    this.#suggested = suggested;
     this.#size = size;
     this.#clear();
+    this.#forgetTextures(new Set(views.map(({ thumbnail }) => thumbnail)));
     const of = (ready: boolean): Camera[] =>
       views.filter(({ mpi, thumbnail }) => ((mpi ?? thumbnail) !== null) === ready).map(({ camera }) => camera);
     this.group.add(lines(of(true), size, new LineBasicMaterial({ color: READY })));
@@ -95,20 +103,42 @@ export class Frusta implements Disposable {
     material.map = this.#texture(file, () => {
       material.visible = true;
       this.#wake();
+    }, () => {
+      if (this.#through?.material !== material) return;
+      this.lookThrough(null);
+      this.#onProblem('This photo cannot be shown.');
+      this.#wake();
     });
     return new Mesh(geometry, material);
   }
 
-  #texture(file: string, onLoad: () => void): Texture {
+  #texture(file: string, onLoad: () => void, onError: () => void): Texture {
     const known = this.#textures.get(file);
-    if (known?.image !== undefined && known.image !== null) {
-      onLoad();
+    if (known !== undefined) {
+      const waiting = this.#waiting.get(file);
+      if (waiting === undefined) onLoad();
+      else waiting.push(onLoad);
       return known;
     }
-    const texture = this.#loader.load(this.#urlOf(file), onLoad);
+    this.#waiting.set(file, [onLoad]);
+    const texture = this.#loader.load(this.#urlOf(file), () => {
+      const waiting = this.#waiting.get(file) ?? [];
+      this.#waiting.delete(file);
+      for (const tell of waiting) tell();
+    }, undefined, onError);
     texture.colorSpace = SRGBColorSpace;
     this.#textures.set(file, texture);
     return texture;
+  }
+
+  /** Let all go but those of these files: a photo takes tens of megabytes on the card. */
+  #forgetTextures(kept: ReadonlySet<string | null>): void {
+    for (const [file, texture] of Array.from(this.#textures)) {
+      if (kept.has(file)) continue;
+      texture.dispose();
+      this.#textures.delete(file);
+      this.#waiting.delete(file);
+    }
   }
 
   #forgetThrough(): void {
@@ -118,6 +148,7 @@ export class Frusta implements Disposable {
     mesh.removeFromParent();
     mesh.geometry.dispose();
     mesh.material.dispose();
+    this.#forgetTextures(new Set(this.#views.map(({ thumbnail }) => thumbnail)));
   }
 
   #clear(): void {
@@ -128,6 +159,10 @@ export class Frusta implements Disposable {
       (child.material as MeshBasicMaterial).dispose();
     }
   }
+}
+
+function areSame(a: readonly object[], b: readonly object[]): boolean {
+  return a.length === b.length && a.every((each, i) => each === b[i]);
 }
 
 function lines(

@@ -5,6 +5,8 @@ import type { Place } from './place';
 
 export interface Layer extends Disposable {
   readonly canvas: HTMLCanvasElement;
+  /** It is the one that is visible, and hears keys. */
+  active: boolean;
   /** The place has changed. */
   update(place: Place): void;
   /** The canvas has this size, in pixels of the device. */
@@ -34,6 +36,12 @@ export interface LayerHooks {
   /** The first picture is there. */
   onFirstPicture(): void;
 }
+
+/** After rest, the first step takes as long as a frame of a usual screen. */
+export const FIRST_STEP_MS = 16;
+
+/** A moment between two frames may be as long as this. */
+export const LONGEST_STEP_MS = 250;
 
 /** Movements take so long. */
 export const FLIGHT_MS = 700;

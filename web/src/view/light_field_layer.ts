@@ -3,11 +3,13 @@
 import { forwardOf, type Camera, type Pinhole } from '../geometry';
 import { MpiDecoder } from '../mpi/decoder';
 import { MpiStore } from '../mpi/mpi_store';
-import { governorOf } from '../render/governor';
+import { governorOf, LEVELS } from '../render/governor';
 import { LightFieldRenderer } from '../render/light_field_renderer';
 import { ARROWS_LOOK, WalkControls } from '../walk_controls';
 import { between, FreeCamera, type Stand } from './free_camera';
-import { eased, FLIGHT_MS, wantsLessMotion, type Layer, type LayerHooks } from './layer';
+import {
+  eased, FIRST_STEP_MS, FLIGHT_MS, LONGEST_STEP_MS, wantsLessMotion, type Layer, type LayerHooks,
+} from './layer';
 import { upOf, type LightFieldOptions, type Place } from './place';
 import { PlaceError, type PlaceSource } from './place_source';
 import { Tilt } from './tilt';
@@ -19,8 +21,11 @@ const MAX_RESIDENT = 16;
 const LEAN = 0.8;
 /** A second of walking, as a share of the volume's radius. */
 const WALK_RADII_PER_S = 1.2;
-/** A moment between two frames may be as long as this. */
-const LONGEST_STEP_MS = 250;
+/** It has come to rest when nothing moved for so long. */
+const REST_MS = 300;
+/** What could not be fetched is tried again after so long, and after ever longer. */
+const RETRY_MS = 1100;
+const LONGEST_RETRY_MS = 31_000;
 
 interface Flight { readonly from: Stand; readonly to: Stand; readonly start_ms: number }
 
@@ -30,7 +35,7 @@ export class LightFieldLayer implements Layer {
   readonly #gl: WebGL2RenderingContext;
   readonly #renderer: LightFieldRenderer;
   readonly #store: MpiStore;
-  readonly #decoder = new MpiDecoder();
+  readonly #decoder: MpiDecoder;
   readonly #source: PlaceSource;
   readonly #hooks: LayerHooks;
   readonly #stop = new AbortController();
@@ -46,6 +51,15 @@ export class LightFieldLayer implements Layer {
   #moved = true;
   #first = true;
   #moving = false;
+  #movedAt_ms = 0;
+  /** Less is drawn than could be. */
+  #lowered = false;
+  #drawing = false;
+  #retries = 0;
+  #radius = 0;
+  readonly #pace = {
+    keys: ARROWS_LOOK, walk_m_per_s: 0, drag_rad_per_px: 0.0025, wheel_m_per_px: 0, pinch_m_per_px: 0,
+  };
 
   /** @throws PlaceError This browser cannot show it. */
   constructor(source: PlaceSource, options: LightFieldOptions, hooks: LayerHooks, keysOf: Window | HTMLElement) {
@@ -55,32 +69,32 @@ export class LightFieldLayer implements Layer {
     const start = place.views[place.start];
     if (start === undefined) throw new PlaceError('There is no view in this place yet.');
     this.#gl = gl;
+    this.#decoder = new MpiDecoder();
     this.#source = source;
     this.#hooks = hooks;
     this.#seen = start.camera.pinhole;
     this.#renderer = new LightFieldRenderer(gl, options);
     this.#store = new MpiStore(gl, {
       decoder: this.#decoder, maxResident: MAX_RESIDENT,
-      onProblem: (_, error) => hooks.onProblem(error instanceof Error ? error.message : String(error)),
+      onProblem: (_, error) => {
+        hooks.onProblem(error instanceof Error ? error.message : String(error));
+        this.#tryAgain();
+      },
     });
     this.#store.onResident(() => {
+      this.#retries = 0;
       this.#renderer.invalidate();
       hooks.wake();
     });
     this.#walker = new FreeCamera(upOf(place), forwardOf(start.camera));
-    const volume = new Volume(place.views);
-    const m = volume.radius;
-    this.#controls = new WalkControls(this.#walker, {
-      keys: ARROWS_LOOK, walk_m_per_s: WALK_RADII_PER_S * m, drag_rad_per_px: 0.0025,
-      wheel_m_per_px: 0.001 * m, pinch_m_per_px: 0.003 * m,
-    });
+    this.#controls = new WalkControls(this.#walker, this.#pace);
     this.#controls.onInput = () => {
       this.#flight = null;
       this.#moved = true;
       hooks.wake();
     };
     this.tilt = new Tilt((right, up) => {
-      this.#walker.lean(right * LEAN * m, up * LEAN * m);
+      this.#walker.lean(right * LEAN * this.#radius, up * LEAN * this.#radius);
       this.#moved = true;
       hooks.wake();
     });
@@ -93,23 +107,42 @@ export class LightFieldLayer implements Layer {
     });
   }
 
+  get active(): boolean {
+    return this.#controls.enabled;
+  }
+
+  set active(active: boolean) {
+    this.#controls.enabled = active;
+  }
+
   update(place: Place): void {
+    let changed = this.#known.size === 0;
     const present = new Set<string>();
     for (const { name, camera, mpi } of place.views) {
       if (mpi === null) continue;
       present.add(name);
       const load = (): Promise<ArrayBuffer> => this.#source.bytes(mpi);
       const known = this.#known.get(name);
-      if (known === undefined) this.#store.add(name, camera, load);
-      else if (known !== mpi) this.#store.replace(name, load);
+      if (known === mpi) continue;
+      changed = true;
+      // Only what is near is wanted, and whoever draws says what that is.
+      if (known === undefined) this.#store.add(name, camera, load, false);
+      else this.#store.replace(name, load);
       this.#known.set(name, mpi);
     }
     for (const name of Array.from(this.#known.keys())) {
       if (present.has(name)) continue;
+      changed = true;
       this.#known.delete(name);
       this.#store.remove(name);
     }
-    this.#walker.volume = new Volume(place.views);
+    if (!changed) return;
+    const volume = new Volume(place.views);
+    this.#walker.volume = volume;
+    this.#radius = volume.radius;
+    this.#pace.walk_m_per_s = WALK_RADII_PER_S * volume.radius;
+    this.#pace.wheel_m_per_px = 0.001 * volume.radius;
+    this.#pace.pinch_m_per_px = 0.003 * volume.radius;
     this.#renderer.invalidate();
     this.#moved = true;
   }
@@ -140,29 +173,27 @@ export class LightFieldLayer implements Layer {
   }
 
   draw(time_ms: number): boolean {
-    const step_ms = Math.min(time_ms - this.#last_ms, LONGEST_STEP_MS);
+    const step_ms = this.#drawing ? Math.min(time_ms - this.#last_ms, LONGEST_STEP_MS) : FIRST_STEP_MS;
     this.#last_ms = time_ms;
-    const moving = this.#controls.moving || this.#flight !== null;
-    const governor = moving && this.#moving ? this.#governor : null;
-    if (governor?.frame(time_ms) === true) this.#renderer.allow(governor.allowance);
-    this.#moving = moving;
     if (this.#controls.moving) {
       this.#controls.advance(step_ms);
       this.#moved = true;
     }
     this.#fly(time_ms);
+    this.#govern(this.#moved && !this.#first, time_ms);
     if (this.#moved) this.#hooks.onEdge(this.#walker.volume?.edge ?? 0);
     if (this.#moved || !this.#renderer.settled) {
       this.#moved = false;
       this.#renderer.draw(this.camera(), this.#store, this.#pixelRatio);
-      if (this.#first && this.#renderer.viewIds.length > 0) {
+      if (this.#first && this.#renderer.showsNearest) {
         this.#first = false;
         this.#hooks.onFirstPicture();
       }
     }
     // Where no view has come yet, whoever waits is woken by the store.
     const coming = this.#renderer.viewIds.length > 0 && !this.#renderer.settled;
-    return this.#controls.moving || this.#flight !== null || coming;
+    this.#drawing = this.#controls.moving || this.#flight !== null || coming || this.#lowered;
+    return this.#drawing;
   }
 
   /** For tests: what was rendered, as RGBA8 of the view's own size, bottom row first. */
@@ -187,7 +218,34 @@ export class LightFieldLayer implements Layer {
     this.#renderer[Symbol.dispose]();
     this.#store[Symbol.dispose]();
     this.#decoder[Symbol.dispose]();
+    this.#gl.getExtension('WEBGL_lose_context')?.loseContext();
     this.canvas.remove();
+  }
+
+  /** Draw again later: whatever is wanted then is asked for again. */
+  #tryAgain(): void {
+    const wait_ms = Math.min(RETRY_MS * 2 ** this.#retries, LONGEST_RETRY_MS);
+    this.#retries += 1;
+    setTimeout(() => {
+      this.#renderer.invalidate();
+      if (!this.#stop.signal.aborted) this.#hooks.wake();
+    }, wait_ms);
+  }
+
+  /** While it moves, the governor says how much is drawn; at rest there is time for all of it. */
+  #govern(moving: boolean, time_ms: number): void {
+    const governor = this.#governor;
+    if (governor === null) return;
+    if (moving) {
+      if (!this.#moving) governor.pause();
+      if (governor.frame(time_ms) || !this.#moving) this.#renderer.allow(governor.allowance);
+      this.#movedAt_ms = time_ms;
+      this.#lowered = governor.level > 0;
+    } else if (this.#lowered && time_ms - this.#movedAt_ms > REST_MS) {
+      this.#renderer.allow(LEVELS[0]);
+      this.#lowered = false;
+    }
+    this.#moving = moving;
   }
 
   #fly(time_ms: number): void {

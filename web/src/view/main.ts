@@ -20,7 +20,7 @@ async function main(element: HTMLElement): Promise<void> {
   const { viewer, place } = showSession(api, session, options, element, { keysOf: window, trains: true, more: [back] });
   Object.assign(window, { viewer });
   await sessionEvents(api, id, {
-    onEvent: (event) => place.follow(event), onConnection: () => undefined,
+    onEvent: (event) => place.follow(event), onConnection: (...told) => viewer.connected(...told),
   }, new AbortController().signal, { role: 'watch' });
 }
 

@@ -45,6 +45,8 @@ export interface Place {
   /** The view from which one looks first. */
   readonly start: number;
   readonly loss_db: number | null;
+  /** Of the Gaussians, where both are shown. */
+  readonly splat_loss_db: number | null;
   readonly poster: string | null;
   readonly suggested: readonly Suggested[];
   /** More may come. */
@@ -78,6 +80,7 @@ interface Stored {
   readonly options: Options | null;
   readonly start: number;
   readonly loss_db: number | null;
+  readonly splat_loss_db?: number | null;
   readonly poster: string | null;
   readonly address?: string | null;
   readonly qr?: string | null;
@@ -99,6 +102,7 @@ const schema = record<Stored>({
   options: nullable(optionsSchema),
   start: integer(0),
   loss_db: nullable(number()),
+  splat_loss_db: optional(nullable(number())),
   poster: fileName,
   address: optional(nullable(text)),
   qr: optional(nullable(text)),
@@ -126,6 +130,8 @@ export function parsePlace(json: string): ReadPlace {
     throw new RangeError(`the place is of version ${stored.version}, and this viewer reads version ${VERSION}`);
   }
   const { address = null, qr = null } = stored;
+  // It becomes a link: nothing but a page may be behind it.
+  if (address !== null && !/^https?:\/\//i.test(address)) throw new RangeError('address: need http:// or https://');
   return {
     place: {
       title: stored.title,
@@ -139,6 +145,7 @@ export function parsePlace(json: string): ReadPlace {
       options: stored.options,
       start: Math.min(stored.start, Math.max(stored.views.length - 1, 0)),
       loss_db: stored.loss_db,
+      splat_loss_db: stored.splat_loss_db ?? (stored.shown === 'splat' ? stored.loss_db : null),
       poster: stored.poster,
       suggested: [],
       live: false,

@@ -7,6 +7,9 @@ import type { Axes, Extent, Span } from './floor';
 const BYTES_PER_POINT = 15;
 /** So many files are fetched at the same time. */
 const AT_ONCE = 3;
+/** A file that could not be had is tried again so often, after so long and longer. */
+const TRIES = 3;
+const RETRY_MS = 3000;
 /** Cells in which it is counted who sees a point, along the largest side. */
 const CELLS = 70;
 /** Seen by one view, by two, by three and more. */
@@ -36,6 +39,8 @@ export class PointSets implements Disposable {
   #wanted: readonly string[] = [];
   #loading = 0;
   #byCoverage = false;
+  /** How often a file could not be had. */
+  readonly #failures = new Map<string, number>();
 
   constructor(
     fetch: (file: string) => Promise<ArrayBuffer>, wake: () => void, onProblem: (problem: string) => void,
@@ -48,8 +53,9 @@ export class PointSets implements Disposable {
   /** Show the points of these files from now on. */
   update(files: readonly string[]): void {
     this.#wanted = files;
+    const wanted = new Set(files);
     for (const [file, entry] of Array.from(this.#sets)) {
-      if (files.includes(file)) continue;
+      if (wanted.has(file)) continue;
       this.#sets.delete(file);
       if (entry !== null) this.#remove(entry.points);
     }
@@ -93,6 +99,7 @@ export class PointSets implements Disposable {
   }
 
   [Symbol.dispose](): void {
+    this.#wanted = [];
     for (const entry of this.#sets.values()) if (entry !== null) this.#remove(entry.points);
     this.#sets.clear();
     this.#material.dispose();
@@ -124,11 +131,25 @@ export class PointSets implements Disposable {
       const points = new Points(geometry, this.#material);
       this.#sets.set(file, { points, set });
       this.group.add(points);
-      this.#paint();
+      if (this.#byCoverage) this.#paint();
+      else paintPoints(points, linearOf(set.rgb));
       this.#wake();
     } catch (error) {
-      this.#onProblem(error instanceof Error ? error.message : String(error));
+      this.#failed(file, error);
     }
+  }
+
+  /** It is tried again some times, unless nobody wants it any more. */
+  #failed(file: string, error: unknown): void {
+    if (!this.#wanted.includes(file)) return void this.#sets.delete(file);
+    const failures = (this.#failures.get(file) ?? 0) + 1;
+    this.#failures.set(file, failures);
+    this.#onProblem(error instanceof Error ? error.message : String(error));
+    if (failures > TRIES) return;
+    setTimeout(() => {
+      if (this.#sets.get(file) === null) this.#sets.delete(file);
+      this.#fetchNext();
+    }, failures * RETRY_MS);
   }
 
   #remove(points: Points): void {
@@ -141,10 +162,13 @@ export class PointSets implements Disposable {
     for (const entry of this.#sets.values()) {
       if (entry === null) continue;
       const { set, points } = entry;
-      const colour = cells === null ? linearOf(set.rgb) : cells.colours(set);
-      points.geometry.setAttribute('color', new BufferAttribute(colour, 3));
+      paintPoints(points, cells === null ? linearOf(set.rgb) : cells.colours(set));
     }
   }
+}
+
+function paintPoints(points: Points, colours: Float32Array): void {
+  points.geometry.setAttribute('color', new BufferAttribute(colours, 3));
 }
 
 /** How many views see each cell of the room. */

@@ -1,8 +1,8 @@
 /** A session of the server as a place: it grows as views come. */
 
 import { cameraOfWire } from '../geometry';
-import type { Api } from '../server/api';
-import type { Capture, Guidance, Options, Session, SessionEvent, SessionSummary, Training } from '../wire';
+import { ApiError, type Api } from '../server/api';
+import type { Capture, Options, Session, SessionEvent, SessionSummary, Training } from '../wire';
 import type { Place, PlaceView, Suggested } from './place';
 import { PlaceError, type PlaceSource } from './place_source';
 
@@ -15,8 +15,11 @@ export class SessionPlace implements PlaceSource {
   readonly #options: Options;
   readonly #listeners = new Set<() => void>();
   #session: Session;
-  #guidance: Guidance | null = null;
   #training: Training | null = null;
+  /** Goes up with what is heard of it: an answer that was asked for before is older. */
+  #trainingNews = 0;
+  readonly #views = new WeakMap<Capture, PlaceView>();
+  #suggestions: readonly Suggested[] = [];
   #place: Place;
 
   constructor(api: Api, session: Session, options: Options) {
@@ -67,6 +70,7 @@ export class SessionPlace implements PlaceSource {
         return void this.#refreshGuidance();
       case 'TrainingChanged':
         this.#training = event.training;
+        this.#trainingNews += 1;
         break;
       default: event satisfies never;
     }
@@ -77,7 +81,7 @@ export class SessionPlace implements PlaceSource {
     const [kind = '', id = '', version = ''] = file.split(':');
     switch (kind) {
       case 'mpi': return this.#api.mpi(this.#id, id, Number(version));
-      case 'points': return this.#api.points(this.#id, id);
+      case 'points': return this.#points(id);
       case 'splat': return this.#api.splat(this.#id, Number(id));
       default: throw new PlaceError(`a session has no ${file}`);
     }
@@ -92,6 +96,16 @@ export class SessionPlace implements PlaceSource {
     this.#listeners.clear();
   }
 
+  /** Without depth there are none. */
+  async #points(id: string): Promise<ArrayBuffer> {
+    try {
+      return await this.#api.points(this.#id, id);
+    } catch (error) {
+      if (error instanceof ApiError && error.status === 404) return new ArrayBuffer(0);
+      throw error;
+    }
+  }
+
   #changed(): void {
     this.#place = this.#made();
     for (const listener of this.#listeners) listener();
@@ -100,7 +114,7 @@ export class SessionPlace implements PlaceSource {
   #made(): Place {
     const { summary, captures } = this.#session;
     const shown = captures.filter(({ removed }) => removed !== true);
-    const views = shown.map(viewOf);
+    const views = shown.map((capture) => this.#viewOf(capture));
     return {
       title: summary.name,
       licence: '',
@@ -113,10 +127,20 @@ export class SessionPlace implements PlaceSource {
       options: this.#options,
       start: middleOf(views),
       loss_db: null,
+      splat_loss_db: null,
       poster: null,
       suggested: this.#suggested(),
       live: !summary.finished,
     };
+  }
+
+  /** The same object while the capture is the same: whoever draws sees what is new. */
+  #viewOf(capture: Capture): PlaceView {
+    const known = this.#views.get(capture);
+    if (known !== undefined) return known;
+    const view = viewOf(capture);
+    this.#views.set(capture, view);
+    return view;
   }
 
   /** The name ends as the file's format does: whoever reads it goes by that. */
@@ -127,22 +151,22 @@ export class SessionPlace implements PlaceSource {
   }
 
   #suggested(): readonly Suggested[] {
-    if (this.#guidance === null || this.#session.summary.finished) return [];
-    const { next, left } = this.#guidance;
-    return (next === null ? left : [next, ...left])
-      .map(({ camera, reason }) => ({ camera: cameraOfWire(camera), reason }));
+    return this.#session.summary.finished ? [] : this.#suggestions;
   }
 
   async #refreshGuidance(): Promise<void> {
     const guidance = await this.#api.guidance(this.#id).catch(() => null);
     if (guidance === null) return;
-    this.#guidance = guidance;
+    const { next, left } = guidance;
+    this.#suggestions = (next === null ? left : [next, ...left])
+      .map(({ camera, reason }) => ({ camera: cameraOfWire(camera), reason }));
     this.#changed();
   }
 
   async #refreshTraining(): Promise<void> {
+    const news = this.#trainingNews;
     const training = await this.#api.training(this.#id).catch(() => null);
-    if (training === null) return;
+    if (training === null || news !== this.#trainingNews) return;
     this.#training = training;
     this.#changed();
   }

@@ -1,17 +1,18 @@
 /** A place from outside: cameras, path and points, or 3D Gaussians, to be turned around. */
 
 import { Matrix4, PerspectiveCamera, Quaternion, Scene, Vector3 as Vector, WebGLRenderer } from 'three';
-import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
-import { forwardOf, identity, pinholeScratch, positionOf, worldFromCamOfWebXr, type Camera, type Vector3 } from '../geometry';
-import { ARROWS_LOOK, WalkControls, type Walker } from '../walk_controls';
+import { copyOfCamera, forwardOf, identity, pinholeScratch, positionOf, worldFromCamOfWebXr, type Camera, type Vector3 } from '../geometry';
 import { axesOf, Floor, type Axes } from './floor';
 import { scaleFor } from './free_camera';
 import { Frusta } from './frusta';
-import { eased, FLIGHT_MS, wantsLessMotion, type Layer, type LayerHooks } from './layer';
+import {
+  eased, FIRST_STEP_MS, FLIGHT_MS, LONGEST_STEP_MS, wantsLessMotion, type Layer, type LayerHooks,
+} from './layer';
 import { gazeOf, upOf, type Place } from './place';
 import { PlaceError, type PlaceSource } from './place_source';
 import { PointSets } from './point_sets';
 import type { Splats } from './splats';
+import { Turntable } from './turntable';
 
 const FOV_DEG = 50;
 /** A frustum is so deep, as a share of what the cameras take up; and of how far they look. */
@@ -21,6 +22,9 @@ const FRUSTUM_OF_GAZE = 0.12;
 const CLICK_PX = 6;
 /** A view is pointed at from so near. */
 const PICK_PX = 30;
+/** Gaussians that could not be had are tried again so often, after so long and longer. */
+const TRIES = 3;
+const RETRY_MS = 3000;
 /** The overview looks down so much: up, per length backwards. */
 const ABOVE = 0.45;
 /** … at a point so far from the middle of all towards the middle of the cameras. */
@@ -34,7 +38,7 @@ export interface SpaceOptions {
   readonly splats: boolean;
 }
 
-export class SpaceLayer implements Layer, Walker {
+export class SpaceLayer implements Layer {
   readonly canvas: HTMLCanvasElement;
   readonly #source: PlaceSource;
   readonly #hooks: LayerHooks;
@@ -42,25 +46,28 @@ export class SpaceLayer implements Layer, Walker {
   readonly #renderer: WebGLRenderer;
   readonly #scene = new Scene();
   readonly #camera = new PerspectiveCamera(FOV_DEG, 1, 0.01, 1000);
-  readonly #orbit: OrbitControls;
-  readonly #keys: WalkControls;
+  readonly #turntable: Turntable;
   readonly #stop = new AbortController();
   readonly #frusta: Frusta;
   readonly #points: PointSets;
   readonly #floor = new Floor();
   #splats: Splats | null = null;
   #splatFile: string | null = null;
+  #failures = 0;
   #place: Place;
   #up: Vector3;
   /** How far the cameras look, about. */
   #reach = 1;
   #through: number | null = null;
+  /** The camera from which it is looked, until somebody moves. */
+  #from: Camera | null = null;
   #flight: Flight | null = null;
   #dirty = true;
   /** Someone chose where to look from: it stays so when more comes. */
   #touched = false;
   #sized = 0;
   #last_ms = 0;
+  #drawing = false;
   readonly #seen = { pinhole: pinholeScratch(), worldFromCam: identity() } as Camera & {
     readonly pinhole: ReturnType<typeof pinholeScratch>;
   };
@@ -73,35 +80,33 @@ export class SpaceLayer implements Layer, Walker {
     this.#place = source.place;
     this.#renderer = rendererOf(!options.splats);
     this.canvas = this.#renderer.domElement;
-    const wake = (): void => {
-      this.#dirty = true;
-      hooks.wake();
-    };
-    this.#frusta = new Frusta((file) => source.url(file), wake);
-    this.#points = new PointSets((file) => source.bytes(file), wake, hooks.onProblem);
+    this.#frusta = new Frusta((file) => source.url(file), this.#wake, hooks.onProblem);
+    this.#points = new PointSets((file) => source.bytes(file), this.#wake, hooks.onProblem);
     this.#scene.add(this.#frusta.group, this.#points.group, this.#floor.group);
     this.#up = upOf(this.#place);
-    this.#camera.up.set(...this.#up);
-    this.#orbit = new OrbitControls(this.#camera, this.canvas);
-    this.#orbit.enableDamping = true;
-    this.#orbit.dampingFactor = 0.12;
-    this.#orbit.addEventListener('start', () => this.#takeOver());
-    this.#orbit.addEventListener('change', wake);
-    this.#keys = new WalkControls(this, {
-      keys: ARROWS_LOOK, walk_m_per_s: 1, drag_rad_per_px: 0, wheel_m_per_px: 0, pinch_m_per_px: 0,
-    });
-    this.#keys.onInput = () => {
-      this.#takeOver();
-      wake();
-    };
-    this.#keys.attachKeys(keysOf, this.#stop.signal);
+    this.#turntable = new Turntable(this.#camera, this.canvas, this.#up, {
+      onTouch: () => this.#takeOver(), onMove: this.#wake,
+    }, keysOf);
     this.#listenForClicks();
+    const { signal } = this.#stop;
+    this.canvas.addEventListener('webglcontextlost', () => {
+      hooks.onProblem('The browser took the graphics away. Reload the page if they do not come back.');
+    }, { signal });
+    this.canvas.addEventListener('webglcontextrestored', this.#wake, { signal });
     this.update(this.#place);
+  }
+
+  get active(): boolean {
+    return this.#turntable.active;
+  }
+
+  set active(active: boolean) {
+    this.#turntable.active = active;
   }
 
   update(place: Place): void {
     this.#place = place;
-    this.#up = upOf(place);
+    this.#turnUp(upOf(place));
     const { views } = place;
     this.#reach = this.#reachOf(place);
     const size = Math.max(FRUSTUM_OF_EXTENT * spread(place), FRUSTUM_OF_GAZE * this.#reach * (views.length > 1 ? 0.35 : 1));
@@ -122,6 +127,8 @@ export class SpaceLayer implements Layer, Walker {
     this.#renderer.setSize(width_px, height_px, false);
     this.#points.pixelRatio = pixelRatio;
     this.#camera.aspect = width_px / height_px;
+    // What is looked at through a camera fills the screen as before.
+    if (this.#from !== null && this.#flight === null) this.#camera.fov = this.#poseOf(this.#from).fov_deg;
     this.#camera.updateProjectionMatrix();
     this.#dirty = true;
   }
@@ -136,17 +143,18 @@ export class SpaceLayer implements Layer, Walker {
     if (back.lengthSq() < 1e-9) back.set(up.y, up.z, up.x);
     back.normalize().addScaledVector(up, ABOVE).normalize();
     this.#leaveThrough();
+    this.#from = null;
     this.#touched = false;
     this.#camera.fov = FOV_DEG;
     const half_rad = (FOV_DEG * Math.PI) / 360;
     const away = radius / Math.sin(Math.min(half_rad, Math.atan(Math.tan(half_rad) * this.#camera.aspect)));
     centre.lerp(new Vector(...gazeOf(this.#place.views, 0)), TO_CAMERAS);
-    this.#orbit.target.copy(centre);
+    this.#turntable.target.copy(centre);
     this.#camera.position.copy(centre).addScaledVector(back, away);
     this.#camera.near = away / 200;
     this.#camera.far = 40 * away;
     this.#camera.updateProjectionMatrix();
-    this.#orbit.update();
+    this.#turntable.update();
     this.#dirty = true;
   }
 
@@ -173,6 +181,7 @@ export class SpaceLayer implements Layer, Walker {
     this.#leaveThrough();
     const index = this.#place.views.findIndex((view) => view.camera === camera);
     this.#through = index < 0 ? null : index;
+    this.#from = copyOfCamera(camera);
     this.#touched = true;
     const to = this.#poseOf(camera);
     const now = this.#poseNow();
@@ -210,52 +219,33 @@ export class SpaceLayer implements Layer, Walker {
     return this.#options.splats ? this.#splats?.count ?? 0 : this.#points.count;
   }
 
-  turn(yaw_rad: number, pitch_rad: number): void {
-    const offset = this.#camera.position.clone().sub(this.#orbit.target);
-    const up = new Vector(...this.#up);
-    offset.applyAxisAngle(up, -yaw_rad);
-    const side = up.clone().cross(offset).normalize();
-    const angle = offset.angleTo(up) + pitch_rad;
-    if (angle > 0.05 && angle < Math.PI - 0.05) offset.applyAxisAngle(side, pitch_rad);
-    this.#camera.position.copy(this.#orbit.target).add(offset);
-  }
-
-  walk(right_m: number, up_m: number, ahead_m: number): void {
-    const offset = this.#orbit.target.clone().sub(this.#camera.position);
-    const distance = offset.length();
-    const up = new Vector(...this.#up);
-    const ahead = offset.clone().addScaledVector(up, -offset.dot(up)).normalize();
-    const right = ahead.clone().cross(up);
-    const step = ahead.multiplyScalar(ahead_m).addScaledVector(right, right_m).addScaledVector(up, up_m).multiplyScalar(distance);
-    this.#camera.position.add(step);
-    this.#orbit.target.add(step);
-  }
-
   draw(time_ms: number): boolean {
-    const step_ms = Math.min(time_ms - this.#last_ms, 100);
+    const step_ms = this.#drawing ? Math.min(time_ms - this.#last_ms, LONGEST_STEP_MS) : FIRST_STEP_MS;
     this.#last_ms = time_ms;
     this.#fly(time_ms);
-    if (this.#keys.moving) {
-      this.#keys.advance(step_ms);
+    if (this.#turntable.moving) {
+      this.#turntable.advance(step_ms);
       this.#dirty = true;
     }
-    const turning = this.#flight === null && this.#through === null && this.#orbit.update();
-    if (!this.#dirty && !turning) return this.#flight !== null;
+    const turning = this.#flight === null && this.#through === null && this.#turntable.update();
+    this.#drawing = turning || this.#flight !== null || this.#turntable.moving;
+    if (!this.#dirty && !turning) return this.#drawing;
     this.#dirty = false;
     this.#fitSize();
     this.#renderer.render(this.#scene, this.#camera);
-    this.#hooks.onFirstPicture();
-    return turning || this.#flight !== null || this.#keys.moving;
+    if (!this.#options.splats || this.count > 0) this.#hooks.onFirstPicture();
+    return this.#drawing;
   }
 
   [Symbol.dispose](): void {
     this.#stop.abort();
-    this.#orbit.dispose();
+    this.#turntable[Symbol.dispose]();
     this.#frusta[Symbol.dispose]();
     this.#points[Symbol.dispose]();
     this.#splats?.[Symbol.dispose]();
     this.#floor[Symbol.dispose]();
     this.#renderer.dispose();
+    this.#renderer.forceContextLoss();
     this.canvas.remove();
   }
 
@@ -278,22 +268,53 @@ export class SpaceLayer implements Layer, Walker {
   #showSplats(file: string | null): void {
     if (file === null || file === this.#splatFile) return;
     this.#splatFile = file;
-    const wake = (): void => {
-      this.#dirty = true;
-      this.#hooks.wake();
-    };
-    const show = async (): Promise<void> => {
-      const [{ Splats: Drawn }, bytes] = await Promise.all([import('./splats'), this.#source.bytes(file)]);
-      if (this.#stop.signal.aborted) return;
-      this.#splats ??= new Drawn(this.#renderer, wake);
-      this.#scene.add(this.#splats.group);
-      await this.#splats.show(bytes, file.replace(/[?#].*$/, ''));
-    };
-    show().catch((error: unknown) => {
+    this.#loadSplats(file).then(() => { this.#failures = 0; }, (error: unknown) => {
+      if (this.#splatFile !== file || this.#stop.signal.aborted) return;
       const why = error instanceof PlaceError ? error.message : `These 3D Gaussians cannot be shown: ${String(error)}`;
       this.#hooks.onProblem(why);
+      this.#failures += 1;
+      if (this.#failures > TRIES) return;
+      setTimeout(() => {
+        this.#splatFile = null;
+        if (!this.#stop.signal.aborted) this.#showSplats(this.#place.splat);
+      }, this.#failures * RETRY_MS);
     });
   }
+
+  async #loadSplats(file: string): Promise<void> {
+    const [{ Splats: Drawn }, bytes] = await Promise.all([import('./splats'), this.#source.bytes(file)]);
+    // There may be newer ones by now, which came sooner.
+    if (this.#stop.signal.aborted || this.#splatFile !== file) return;
+    this.#splats ??= new Drawn(this.#renderer, this.#wake);
+    this.#scene.add(this.#splats.group);
+    await this.#splats.show(bytes, file.replace(/[?#].*$/, ''));
+    this.#fitToSplats();
+  }
+
+  /** See all of the Gaussians, also where these are far larger than what the cameras say. */
+  #fitToSplats(): void {
+    const reach = this.#splats?.reachFrom(this.#camera.position) ?? null;
+    if (reach === null) return;
+    this.#reach = reach.median;
+    this.#camera.near = Math.min(this.#camera.near, reach.median / 100);
+    this.#camera.far = Math.max(this.#camera.far, 10 * reach.most);
+    this.#camera.updateProjectionMatrix();
+    if (!this.#touched || this.#from !== null) this.#aim();
+    this.#dirty = true;
+  }
+
+  /** Another way is up: it is turned around that from now on, if nobody has turned it yet. */
+  #turnUp(up: Vector3): void {
+    const same = up.every((value, axis) => Math.abs(value - (this.#up[axis] ?? 0)) < 1e-6);
+    if (same || this.#touched) return;
+    this.#up = up;
+    this.#turntable.setUp(up);
+  }
+
+  readonly #wake = (): void => {
+    this.#dirty = true;
+    this.#hooks.wake();
+  };
 
   /** How far the cameras look: the median depth of MPIs is not known here, the places are. */
   #reachOf(place: Place): number {
@@ -370,13 +391,13 @@ export class SpaceLayer implements Layer, Walker {
   /** Turn around what lies ahead from now on. */
   #aim(): void {
     this.#through = null;
-    const ahead = new Vector(0, 0, -1).applyQuaternion(this.#camera.quaternion);
-    this.#orbit.target.copy(this.#camera.position).addScaledVector(ahead, this.#reach);
+    this.#turntable.aim(this.#reach);
   }
 
   /** Someone moves the camera: whatever moved it lets go. */
   #takeOver(): void {
     this.#flight = null;
+    this.#from = null;
     this.#touched = true;
     if (this.#through === null) return;
     this.#aim();

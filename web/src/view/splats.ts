@@ -1,7 +1,7 @@
 /** 3D Gaussians in a scene of three.js, drawn by Spark. */
 
 import { SparkRenderer, SplatMesh } from '@sparkjsdev/spark';
-import { Group, type WebGLRenderer } from 'three';
+import { Group, type Vector3, type WebGLRenderer } from 'three';
 
 export class Splats implements Disposable {
   readonly group = new Group();
@@ -19,6 +19,20 @@ export class Splats implements Disposable {
 
   get count(): number {
     return this.#mesh?.packedSplats?.numSplats ?? 0;
+  }
+
+  /** From a place: how far half of the Gaussians are, and nearly all; null without any. */
+  reachFrom(at: Vector3): { readonly median: number; readonly most: number } | null {
+    const mesh = this.#mesh;
+    if (mesh === null || this.count === 0) return null;
+    const every = Math.max(1, Math.floor(this.count / 5000));
+    const away: number[] = [];
+    mesh.forEachSplat((index, centre) => {
+      if (index % every === 0) away.push(centre.distanceTo(at));
+    });
+    away.sort((a, b) => a - b);
+    const of = (share: number): number => away[Math.floor(share * (away.length - 1))] ?? 1;
+    return { median: of(0.5), most: of(0.98) };
   }
 
   /**

@@ -72,8 +72,7 @@ class Served implements Files {
   async bytes(file: string): Promise<ArrayBuffer> {
     const answer = await fetch(this.url(file)).catch(() => null);
     if (answer === null) {
-      throw new PlaceError(`${file} cannot be fetched. A folder opens from a web server, not from the disk: `
-        + 'run python3 -m http.server in it, or share a single .html file.');
+      throw new PlaceError(`${file} cannot be fetched: is the connection or the server gone?`);
     }
     if (!answer.ok) throw new PlaceError(await sentenceOf(answer, file));
     return answer.arrayBuffer();
@@ -94,7 +93,7 @@ async function sentenceOf(answer: Response, file: string): Promise<string> {
     const { detail } = await answer.json().catch(() => ({})) as { detail?: unknown };
     if (typeof detail === 'string') return detail;
   }
-  return `${file} is missing (${answer.status}): copy the whole folder.`;
+  return `${file} is missing (${answer.status}). There is no place at this address, or a part of its folder was not copied.`;
 }
 
 class Inlined implements Files {

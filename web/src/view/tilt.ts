@@ -25,7 +25,7 @@ export class Tilt implements Disposable {
 
   /** Whether this device may have a gyroscope. */
   static get mayWork(): boolean {
-    return typeof DeviceOrientationEvent !== 'undefined' && navigator.maxTouchPoints > 0 && isSecureContext;
+    return typeof DeviceOrientationEvent !== 'undefined' && isSecureContext && matchMedia('(pointer: coarse)').matches;
   }
 
   get on(): boolean {

@@ -5,6 +5,10 @@ import { make, say, show } from '../ui/dom';
 import type { Training } from '../wire';
 import type { SessionPlace } from './session_place';
 
+const HEARD: Readonly<Record<Training['state'], string>> = {
+  none: '', waiting: 'The training waits.', running: 'Training.', stopped: 'The training stopped.',
+  failed: 'The training failed.', done: 'The training is done.',
+};
 /** Fewer cannot be trained on. */
 const LEAST_VIEWS = 3;
 
@@ -16,11 +20,15 @@ export class TrainingPanel {
   readonly #details = make('div', { className: 'place-details' });
   readonly #bar = make('progress', { max: 1 });
   readonly #says = make('p');
+  /** For those who hear the page: what became of it, and not how far it is twice a second. */
+  readonly #announced = make('p', { className: 'place-heard' });
   readonly #worst = make('ul');
   #onSplat: () => void = () => undefined;
   #onView: (capture: string) => void = () => undefined;
   /** It was begun here, and nothing of it was shown yet. */
   #isMine = false;
+  /** It was told to stop, and has not yet. */
+  #stopping = false;
   /** What the server refused. */
   #refusal = '';
 
@@ -28,8 +36,8 @@ export class TrainingPanel {
     this.#api = api;
     this.#place = place;
     this.#details.append(this.#bar, this.#says, this.#worst);
-    this.element.append(this.#button, this.#details);
-    this.#says.setAttribute('role', 'status');
+    this.element.append(this.#button, this.#details, this.#announced);
+    this.#announced.setAttribute('role', 'status');
     this.#bar.ariaLabel = 'Training';
     place.subscribe(() => this.#draw());
     this.#draw();
@@ -48,6 +56,7 @@ export class TrainingPanel {
 
   async #press(): Promise<void> {
     const running = isUnderWay(this.#place.training);
+    this.#stopping = running;
     this.#isMine = !running;
     this.#refusal = '';
     this.#button.disabled = true;
@@ -66,7 +75,9 @@ export class TrainingPanel {
     const state = training?.state ?? 'none';
     const views = this.#place.place.views.length;
     show(this.element, views >= LEAST_VIEWS || state !== 'none');
-    say(this.#button, labelOf(training));
+    if (!isUnderWay(training)) this.#stopping = false;
+    say(this.#button, this.#stopping ? 'Stopping …' : labelOf(training));
+    say(this.#announced, HEARD[state]);
     show(this.#button, state !== 'done' || training?.outdated === true);
     show(this.#bar, isUnderWay(training) || state === 'stopped');
     if (training !== null && training.steps > 0) this.#bar.value = training.step / training.steps;
@@ -85,8 +96,9 @@ export class TrainingPanel {
     const key = JSON.stringify(worst);
     if (this.#worst.dataset['drawn'] === key) return;
     this.#worst.dataset['drawn'] = key;
-    this.#worst.replaceChildren(...worst.map(({ capture, number, psnr_db, suggestion }) => {
-      const text = `View ${number}: ${psnr_db.toFixed(1)}\u00a0dB. ${suggestion}`;
+    this.#worst.replaceChildren(...worst.map(({ capture, psnr_db, suggestion }) => {
+      const photo = this.#place.place.views.findIndex(({ name }) => name === capture) + 1;
+      const text = `${photo > 0 ? `Photo ${photo}` : 'A photo that is gone'}: ${psnr_db.toFixed(1)}\u00a0dB. ${suggestion}`;
       return make('li', {}, make('button', { type: 'button', onclick: () => this.#onView(capture) }, text));
     }));
     show(this.#worst, worst.length > 0);
@@ -101,7 +113,7 @@ function labelOf(training: Training | null): string {
   switch (training?.state) {
     case 'running': case 'waiting': return 'Stop training';
     case 'stopped': return training.outdated ? 'Train again' : 'Go on training';
-    case 'done': return 'Train again with the new views';
+    case 'done': return 'Train again: the views have changed';
     case 'failed': return 'Train again';
     default: return 'Train a splat';
   }
@@ -109,7 +121,7 @@ function labelOf(training: Training | null): string {
 
 function factsOf(training: Training | null): string {
   switch (training?.state) {
-    case 'waiting': return 'Waits for another training.';
+    case 'waiting': return 'Waiting for another training to finish.';
     case 'running': {
       const left = training.remaining_s === null ? ''
         : ` · ${timeText(training.remaining_s)} left`;
@@ -119,7 +131,7 @@ function factsOf(training: Training | null): string {
     case 'failed': return training.problem ?? 'The training failed.';
     case 'done': {
       const quality = training.psnr_db === null ? ''
-        : `${training.psnr_db.toFixed(1)}\u00a0dB on ${training.held_out} photos that it did not see · `;
+        : `${training.psnr_db.toFixed(1)}\u00a0dB on ${training.held_out} photos kept out of the training · `;
       return `${quality}${training.gaussians.toLocaleString('en')} Gaussians`;
     }
     default: return '';

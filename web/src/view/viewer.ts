@@ -1,6 +1,8 @@
 /** The viewer of a place: its layers, of which one is shown, and what lies over them. */
 
 import type { Camera } from '../geometry';
+import type { ApiError } from '../server/api';
+import type { Connection } from '../server/events';
 import { button, make, say, show } from '../ui/dom';
 import type { Layer, LayerHooks } from './layer';
 import type * as lightFieldModule from './light_field_layer';
@@ -36,7 +38,7 @@ export interface ViewerOptions {
 /** For tests and benchmarks. */
 export interface ViewerInspection {
   readonly shown: Shown | null;
-  /** Pictures drawn so far, and how long the last one took to ask for. */
+  /** Pictures drawn so far. */
   readonly frames: number;
   readonly asleep: boolean;
   camera(): Camera | null;
@@ -53,6 +55,8 @@ export interface ViewerInspection {
 const ORDER: readonly Shown[] = ['light-field', 'place', 'splat'];
 /** More pixels than this per pixel of the page are not seen. */
 const MOST_RATIO = 2;
+/** What may pass by itself is said for so long. */
+const PROBLEM_MS = 20_000;
 
 export class Viewer implements Disposable {
   readonly element: HTMLElement;
@@ -82,6 +86,12 @@ export class Viewer implements Disposable {
   #firstPicture_ms: number | null = null;
   #coverage = false;
   #edge = 0;
+  #notice = '';
+  /** What there is to say while nothing is shown. */
+  #empty = '';
+  /** What cannot be shown in this browser. */
+  readonly #failed = new Set<Shown>();
+  #problemTimer = 0;
   #helpShown = false;
 
   constructor(element: HTMLElement, source: PlaceSource, options: ViewerOptions) {
@@ -95,6 +105,8 @@ export class Viewer implements Disposable {
     this.#problem.setAttribute('role', 'alert');
     this.#problem.hidden = true;
     this.#tabs.setAttribute('role', 'tablist');
+    for (const each of [this.#tabs, this.#help, this.#strip.element]) each.dataset['keys'] = 'its own';
+    this.#tabs.addEventListener('keydown', (event) => this.#moveAlongTabs(event));
     this.#screen.setAttribute('role', 'application');
     this.#foot.append(this.#status, this.#problem, this.#strip.element, this.#tabs);
     element.replaceChildren(
@@ -133,6 +145,13 @@ export class Viewer implements Disposable {
     await this.#show(shown);
   }
 
+  /** What is shown comes from a server: say when that is gone. */
+  connected(connection: Connection, refusal: ApiError | null): void {
+    if (connection === 'connecting') return;
+    this.#notice = connection === 'online' ? '' : refusal?.problem ?? 'Not connected to the server: what you see may be old.';
+    this.#sayStatus();
+  }
+
   /** A line under it all: a licence. */
   addLine(text: string): void {
     this.#foot.append(make('p', { className: 'place-line' }, text));
@@ -150,6 +169,7 @@ export class Viewer implements Disposable {
     this.#stop.abort();
     this.#observer.disconnect();
     cancelAnimationFrame(this.#scheduled);
+    clearTimeout(this.#problemTimer);
     for (const layer of this.#layers.values()) layer[Symbol.dispose]();
     this.#layers.clear();
     this.#source[Symbol.dispose]();
@@ -188,14 +208,23 @@ export class Viewer implements Disposable {
     this.#drawTools(ways);
     this.#sayFacts();
     const wanted = this.#options.first ?? place.shown;
-    const best = ways.includes(wanted) ? wanted : ways[0];
+    const able = ways.filter((way) => !this.#failed.has(way));
+    const best = able.includes(wanted) ? wanted : able[0] ?? ways[0];
+    this.#empty = '';
     const gone = this.#shown !== null && !ways.includes(this.#shown);
     if (best === undefined) {
-      say(this.#status, place.live ? 'Nothing was captured yet. It grows here as views come.' : 'There is nothing to see in this place.');
+      this.#empty = place.live ? 'Nothing has been captured yet. It will grow here as views arrive.'
+        : 'There is nothing to see in this place.';
     } else if (gone || (this.#coming === null && (this.#shown === null || (!this.#chosen && this.#shown !== best)))) {
       void this.#show(best);
     }
+    this.#sayStatus();
     this.#wake();
+  }
+
+  #sayStatus(): void {
+    const atEdge = this.#edge > 0.85 ? 'This is the edge of what was captured.' : '';
+    say(this.#status, this.#empty || this.#notice || atEdge);
   }
 
   async #show(shown: Shown): Promise<void> {
@@ -204,17 +233,21 @@ export class Viewer implements Disposable {
     try {
       const before = this.#shown === null ? null : this.#layers.get(this.#shown) ?? null;
       const layer = this.#layers.get(shown) ?? await this.#made(shown);
-      if (this.#coming !== shown || this.#stop.signal.aborted) return;
+      if (this.#stop.signal.aborted) return layer[Symbol.dispose]();
+      if (this.#coming !== shown) return;
+      this.#fit(layer);
       if (before !== null && shown !== 'place' && this.#shown !== 'place') layer.lookFrom(before.camera(), false);
+      if (before !== null) before.active = false;
+      layer.active = true;
       this.#shown = shown;
       this.#screen.replaceChildren(layer.canvas);
       this.#screen.setAttribute('aria-label', describes(this.#source.place, shown));
-      say(this.#status, '');
       this.#hooks.onEdge(0);
       this.#resize();
       this.#update();
     } catch (error) {
-      this.#hooks.onProblem(error instanceof Error ? error.message : String(error));
+      this.#failed.add(shown);
+      this.#sayProblem(error instanceof Error ? error.message : String(error), true);
     } finally {
       if (this.#coming === shown) this.#coming = null;
     }
@@ -233,6 +266,7 @@ export class Viewer implements Disposable {
     const { SpaceLayer: Made } = await space();
     const layer = new Made(this.#source, this.#hooksOf(shown), { splats: shown === 'splat' }, keysOf);
     const start = place.views[place.start];
+    this.#fit(layer);
     if (shown === 'splat' && start !== undefined) layer.lookFrom(start.camera, false);
     return this.#kept(shown, layer);
   }
@@ -243,17 +277,22 @@ export class Viewer implements Disposable {
   }
 
   readonly #hooks = {
-    onProblem: (problem: string): void => {
-      say(this.#problem, problem);
-      show(this.#problem, problem !== '');
-    },
+    onProblem: (problem: string): void => this.#sayProblem(problem, false),
     onEdge: (edge: number): void => {
       if (edge === this.#edge) return;
       this.#edge = edge;
       this.#border.style.opacity = edge.toFixed(2);
-      say(this.#status, edge > 0.85 ? 'Here ends what was captured.' : '');
+      this.#sayStatus();
     },
   };
+
+  /** @param forGood It stays; else it goes when it is not said again. */
+  #sayProblem(problem: string, forGood: boolean): void {
+    say(this.#problem, problem);
+    show(this.#problem, true);
+    clearTimeout(this.#problemTimer);
+    if (!forGood) this.#problemTimer = window.setTimeout(() => show(this.#problem, false), PROBLEM_MS);
+  }
 
   #hooksOf(shown: Shown): LayerHooks {
     return {
@@ -292,11 +331,16 @@ export class Viewer implements Disposable {
 
   #resize(): void {
     const layer = this.#shown === null ? undefined : this.#layers.get(this.#shown);
+    if (layer === undefined) return;
+    this.#fit(layer);
+    this.#wake();
+  }
+
+  #fit(layer: Layer): void {
     const { clientWidth, clientHeight } = this.element;
-    if (layer === undefined || clientWidth === 0 || clientHeight === 0) return;
+    if (clientWidth === 0 || clientHeight === 0) return;
     const ratio = Math.min(devicePixelRatio, MOST_RATIO);
     layer.resize(Math.round(clientWidth * ratio), Math.round(clientHeight * ratio), ratio);
-    this.#wake();
   }
 
   #sayFacts(): void {
@@ -317,6 +361,14 @@ export class Viewer implements Disposable {
     const focused = this.#tabs.contains(document.activeElement);
     this.#tabs.replaceChildren(...made);
     if (focused) this.#tabs.querySelector<HTMLElement>('[aria-selected="true"]')?.focus();
+  }
+
+  /** Arrows go from one to the next, as everywhere. */
+  #moveAlongTabs({ key }: KeyboardEvent): void {
+    const by = key === 'ArrowRight' ? 1 : key === 'ArrowLeft' ? -1 : 0;
+    const tabs = Array.from(this.#tabs.querySelectorAll('button'));
+    const at = tabs.findIndex((tab) => tab === document.activeElement);
+    if (by !== 0 && at >= 0) tabs[(at + by + tabs.length) % tabs.length]?.focus();
   }
 
   #drawTools(ways: readonly Shown[]): void {
@@ -357,11 +409,11 @@ export class Viewer implements Disposable {
       } else {
         void tilt.start().then((allowed) => {
           tool.setAttribute('aria-pressed', String(allowed));
-          if (!allowed) this.#hooks.onProblem('This browser does not let pages feel how the phone is tilted.');
+          if (!allowed) this.#hooks.onProblem('This browser does not let pages read how the phone is tilted.');
         });
       }
     });
-    tool.setAttribute('aria-pressed', 'false');
+    tool.setAttribute('aria-pressed', String(this.#lightField?.tilt.on === true));
     return tool;
   }
 

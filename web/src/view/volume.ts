@@ -40,16 +40,27 @@ export class Volume {
     const free = FREE * this.radius;
     const room = this.radius - free;
     if (after > before && after > free) {
-      const outwards = Math.min(Math.max((before - free) / room, 0), 1);
-      const ease = 1 - outwards;
-      for (let axis = 0; axis < 3; axis += 1) {
-        const start = from[axis] ?? 0;
-        to[axis] = start + ease * ((to[axis] ?? 0) - start);
-      }
+      this.#fromNearest(from);
+      this.#shortenOutwards(from, to, before, Math.min(Math.max((before - free) / room, 0), 1));
       after = this.#fromNearest(to);
     }
     if (after > this.radius) this.#pull(to, after);
     this.edge = Math.min(Math.max((after - free) / room, 0), 1);
+  }
+
+  /** Take away this share of what leads away from the nearest view: along the border one walks freely. */
+  #shortenOutwards(from: Float64Array, to: Float64Array, distance: number, share: number): void {
+    if (distance < 1e-9) return;
+    let outwards = 0;
+    for (let axis = 0; axis < 3; axis += 1) {
+      const away = ((from[axis] ?? 0) - (this.#positions[this.#nearest + axis] ?? 0)) / distance;
+      outwards += away * ((to[axis] ?? 0) - (from[axis] ?? 0));
+    }
+    if (outwards <= 0) return;
+    for (let axis = 0; axis < 3; axis += 1) {
+      const away = ((from[axis] ?? 0) - (this.#positions[this.#nearest + axis] ?? 0)) / distance;
+      to[axis] = (to[axis] ?? 0) - share * outwards * away;
+    }
   }
 
   /** Put a position back to the border. */

@@ -9,10 +9,13 @@ export const NAMES: Readonly<Record<Shown, string>> = {
 
 /** For those who do not see the picture, and for those who look for the keys. */
 export const HOW: Readonly<Record<Shown, string>> = {
-  'light-field': 'Drag or use the arrow keys to look around. Walk with W A S D, up and down with E and Q; the wheel or two fingers step closer.',
-  place: 'Drag or use the arrow keys to turn it. Move it with W A S D, E and Q, or two fingers; the wheel or two fingers come closer. Click a camera to look through it.',
-  splat: 'Drag or use the arrow keys to turn it. Move it with W A S D, E and Q, or two fingers; the wheel or two fingers come closer.',
+  'light-field': 'Drag or use the arrow keys to look around. Walk with W A S D, up and down with E and Q; use the wheel or two fingers to step closer.',
+  place: 'Drag or use the arrow keys to turn it. Move it with W A S D, E and Q, or two fingers; use the wheel or two fingers to move closer. Click a camera to look through it.',
+  splat: 'Drag or use the arrow keys to turn it. Move it with W A S D, E and Q, or two fingers; use the wheel or two fingers to move closer.',
 };
+
+/** A smaller loss is none. */
+const SAID_DB = 0.05;
 
 /** A length: "85 cm", "3.1 m". */
 export function lengthText(length_m: number): string {
@@ -40,7 +43,7 @@ export function describes(place: Place, shown: Shown): string {
     place: `The cameras of ${place.title}: ${viewsText(place.views.length)}, their path and the points they see.`,
     splat: `3D Gaussians of ${place.title}, to turn around.`,
   }[shown];
-  const loss = place.loss_db === null || shown === 'place' ? ''
-    : ` ${place.loss_db.toFixed(1)} dB were lost to make it small.`;
+  const lost_db = { 'light-field': place.loss_db, splat: place.splat_loss_db, place: null }[shown] ?? 0;
+  const loss = lost_db < SAID_DB ? '' : ` ${lost_db.toFixed(1)} dB were lost to make it small.`;
   return `${what}${loss} ${HOW[shown]}`;
 }
