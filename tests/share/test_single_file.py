@@ -85,6 +85,16 @@ def test_the_script_comes_last_and_does_not_end_early(client: Path) -> None:
     assert ("main", {"id": "view"}) in [(tag, attributes) for tag, attributes, _ in found]
 
 
+def test_what_is_looked_at_first_comes_first_after_the_script(client: Path) -> None:
+    cameras = lateral_cameras(3, 64, 48)
+    views = [PlaceView(str(i), camera, mpi=f"mpis/{i}.mpi") for i, camera in enumerate(cameras)]
+    place = Place(TITLE, "light-field", views, start=2)
+    files = {"poster.jpg": b"", **{f"mpis/{i}.mpi": b"" for i in range(3)}}
+    found = elements(page_with_place(place, files, client))
+    order = [a.get("data-file", a.get("id", tag)) for tag, a, _ in found if tag == "script"]
+    assert order == ["place", "poster.jpg", "script", "mpis/2.mpi", "mpis/1.mpi", "mpis/0.mpi"]
+
+
 def test_gaussians_need_the_large_viewer(client: Path) -> None:
     assert b"showAll" not in page_with_place(a_place(), {}, client)
     assert b"showAll" in page_with_place(a_place("splat.ply"), {}, client)

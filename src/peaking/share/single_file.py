@@ -12,6 +12,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from peaking.share import viewer_files
 from peaking.share.place import Place
 
@@ -44,11 +46,32 @@ def page_with_place(place: Place, files: Mapping[str, bytes], client_dir: Path) 
         f"<style>{style}</style>\n</head>",
         body,
         f'<script type="application/json" id="place">{json}</script>\n',
-        *(_inlined(name, data) for name, data in files.items()),
-        f"<script>{_within_page(viewer_files.bundle(client_dir, name))}</script>\n</body>",
+        *(_inlined(name, data) for name, data in files.items() if not _is_waited_for(name)),
+        f"<script>{_within_page(viewer_files.bundle(client_dir, name))}</script>\n",
+        *(_inlined(name, files[name]) for name in _nearest_first(place, files)),
+        "</body>",
         end,
     ]
     return "".join(parts).encode()
+
+
+def _is_waited_for(name: str) -> bool:
+    return name.endswith(".mpi")
+
+
+def _nearest_first(place: Place, files: Mapping[str, bytes]) -> list[str]:
+    """Return the images that come after the script, in the order in which they are looked at.
+
+    The page shows the first of them while the browser still reads the others.
+    """
+    start = place.views[place.start].camera.position_m if place.views else np.zeros(3)
+    away_m = {
+        view.mpi: float(np.linalg.norm(view.camera.position_m - start))
+        for view in place.views
+        if view.mpi is not None
+    }
+    waited_for = [name for name in files if _is_waited_for(name)]
+    return sorted(waited_for, key=lambda name: away_m.get(name, np.inf))
 
 
 def bundle_of(place: Place) -> str:

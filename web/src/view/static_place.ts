@@ -96,6 +96,9 @@ async function sentenceOf(answer: Response, file: string): Promise<string> {
   return `${file} is missing (${answer.status}). There is no place at this address, or a part of its folder was not copied.`;
 }
 
+/** So often it is looked whether more of the page has come. */
+const LOOK_AGAIN_MS = 20;
+
 class Inlined implements Files {
   readonly #page: Document;
   readonly #urls = new Map<string, string>();
@@ -104,7 +107,11 @@ class Inlined implements Files {
     this.#page = page;
   }
 
+  /** While the browser still reads the page, what is further down is waited for. */
   async bytes(file: string): Promise<ArrayBuffer> {
+    while (this.#page.readyState === 'loading' && !this.#isWhole(file)) {
+      await new Promise((resolve) => setTimeout(resolve, LOOK_AGAIN_MS));
+    }
     return this.#bytes(file).buffer;
   }
 
@@ -123,10 +130,20 @@ class Inlined implements Files {
   }
 
   #bytes(file: string): Uint8Array<ArrayBuffer> {
-    for (const element of this.#page.querySelectorAll<HTMLElement>('script[data-file]')) {
-      if (element.dataset['file'] !== file) continue;
-      return Uint8Array.from(atob((element.textContent ?? '').trim()), (c) => c.charCodeAt(0));
+    const element = this.#find(file);
+    if (element === null) {
+      throw new PlaceError(`${file} is missing in this page: it was cut off on its way, or changed.`);
     }
-    throw new PlaceError(`${file} is missing in this page: it was cut off on its way, or changed.`);
+    return Uint8Array.from(atob((element.textContent ?? '').trim()), (c) => c.charCodeAt(0));
+  }
+
+  /** An element is there before its end is: that has come when something follows. */
+  #isWhole(file: string): boolean {
+    const element = this.#find(file);
+    return element !== null && element.nextSibling !== null;
+  }
+
+  #find(file: string): HTMLElement | null {
+    return this.#page.querySelector<HTMLElement>(`script[data-file="${CSS.escape(file)}"]`);
   }
 }
