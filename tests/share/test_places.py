@@ -192,6 +192,13 @@ def test_a_session_is_called_what_people_called_it(session: Path) -> None:
     assert title_of(open_recording(session)) == session.name
 
 
+def test_what_was_gained_by_chance_is_no_loss() -> None:
+    (camera,) = lateral_cameras(1, 16, 16)
+    place = Place("a", "splat", [PlaceView("a", camera)], loss_db=-0.01, splat_loss_db=-0.2)
+    told = json.loads(place.to_json())
+    assert (told["loss_db"], told["splat_loss_db"]) == (0.0, 0.0)
+
+
 def test_gaussians_that_were_trained_on_a_session_are_shown(session: Path) -> None:
     recording = open_recording(session)
     assert trained_in(recording) is None

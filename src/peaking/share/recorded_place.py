@@ -32,7 +32,8 @@ class Contents:
         indices: The frames that are views.
         mpis: Makes their multi-plane images, by frame; none for those without.
         splat: Name and maker of the file of Gaussians.
-        loss_db: What was lost against the whole.
+        loss_db: What was lost against the whole, of what is shown first.
+        splat_loss_db: What the Gaussians lost.
         with_photos: Whether views have their photographs.
     """
 
@@ -40,6 +41,7 @@ class Contents:
     mpis: Mapping[int, Maker] = field(default_factory=dict[int, Maker])
     splat: tuple[str, Maker] | None = None
     loss_db: float | None = None
+    splat_loss_db: float | None = None
     with_photos: bool = True
 
 
@@ -103,6 +105,7 @@ def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
         options=client_options(files.options) if contents.mpis else None,
         start=start,
         loss_db=contents.loss_db,
+        splat_loss_db=contents.splat_loss_db,
         poster=poster,
     )
     return SharedPlace(place, made)

@@ -101,7 +101,8 @@ def share_recording(
         fitted, figures = _gaussians(files, wanted, int(of_room * room), trained)
         room -= len(fitted.data)
         splat = (f"splat{fitted.ending}", lambda: fitted.data)
-        contents = replace(contents, splat=splat, loss_db=figures.splat_loss_db)
+        lost_db = figures.splat_loss_db
+        contents = replace(contents, splat=splat, loss_db=lost_db, splat_loss_db=lost_db)
     if wanted.kind != "splat":
         contents, figures = _light_field(files, wanted, room, (contents, figures), progress)
     return place_of_recording(files, contents), figures

@@ -30,7 +30,6 @@ _OURS = frozenset(
     }
 )
 """All that lies in the folder of a share."""
-_JSON_BYTES_OF_A_VIEW = 600
 
 
 def is_single(out: Path) -> bool:
