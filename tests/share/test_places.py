@@ -214,5 +214,12 @@ def test_gaussians_that_were_trained_on_a_session_are_shown(session: Path) -> No
     shared = place_of_recording(files, whole_contents(files))
     assert (shared.place.shown, shared.place.splat) == ("light-field", "splat.ply")
     assert shared.files["splat.ply"]() == b"Gaussians"
+    for name in ("splat-7.ply", "status.json"):
+        inside, outside = session / "training" / name, session.with_name(name)
+        inside.rename(outside)
+        inside.symlink_to(outside)
+        assert trained_in(recording) is None
+        inside.unlink()
+        outside.rename(inside)
     status.write_bytes(b"{")
     assert trained_in(recording) is None

@@ -8,6 +8,8 @@ from functools import partial
 
 import msgspec
 
+from peaking.datasets.foreign_files import read_bytes
+from peaking.errors import RecordingError
 from peaking.options import Options
 from peaking.server.wire import options_for_clients
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of, up_of
@@ -62,8 +64,8 @@ def _of_session(files: RecordedFiles) -> tuple[str, Maker] | None:
     if path is None or files.origin_m.any():
         return None
     try:
-        data = path.read_bytes()
-    except OSError:
+        data = read_bytes(path, within=path.parent.parent)
+    except (RecordingError, OSError):
         return None
     return f"splat{path.suffix}", lambda: data
 
