@@ -160,11 +160,34 @@ def test_a_process_that_is_killed_is_said(tmp_path: Path) -> None:
         order(client, "running")
         until(client, lambda t: t["step"] > 0)
         (process,) = processes()
+        assert os.getpgid(process) != os.getpgid(0)  # Ctrl-C does not reach it …
+        os.kill(process, signal.SIGINT)  # … nor does it end by it
+        step = client.get(f"{SESSION}/training").json()["step"]
+        until(client, lambda t: t["step"] > step + 20)
         os.kill(process, signal.SIGKILL)
         failed = until(client, state_is("failed"))
         assert "begun again" in failed["problem"]
         order(client, "running")
         until(client, lambda t: t["state"] == "running" and t["step"] > 0)
+
+
+def test_one_that_failed_goes_on_from_its_snapshot(tmp_path: Path) -> None:
+    with server_of(tmp_path, LONG) as client:
+        fill(client, count=4)
+        order(client, "running")
+        until(client, lambda t: t["step"] > 5)
+        order(client, "stopped")
+        stopped = until(client, state_is("stopped"))
+        until(client, lambda _: processes() == [])
+        order(client, "running")
+        until(client, lambda t: t["step"] > stopped["step"])
+        (process,) = processes()
+        os.kill(process, signal.SIGKILL)
+        failed = until(client, state_is("failed"))
+        assert order(client, "running")["step"] == failed["step"]
+        until(client, lambda _: len(processes()) == 1)
+        going = until(client, lambda t: t["state"] == "running" and t["step"] != failed["step"])
+        assert going["step"] >= stopped["step"]
 
 
 def test_one_at_a_time_and_one_that_waits_can_be_stopped(tmp_path: Path) -> None:

@@ -141,7 +141,9 @@ class Trainings:
             record = self._record(session)
             before = record.training
             if before.state not in ("waiting", "running"):
-                goes_on = before.state == "stopped" and captures == record.captures
+                snapshot = session.folder / FOLDER / process.SNAPSHOT
+                ended_early = before.state in ("stopped", "failed") and snapshot.is_file()
+                goes_on = ended_early and captures == record.captures
                 changes = {} if goes_on else {"step": 0, "elapsed_s": 0.0, "gaussians": 0}
                 training = msgspec.structs.replace(
                     before, state="waiting", steps=self._steps, problem=None, psnr_db=None,
@@ -252,6 +254,7 @@ class Trainings:
             [sys.executable, "-m", process.__name__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the server, which lets it write its snapshot
         )
         watcher = threading.Thread(target=self._watch, args=(running, child, task), daemon=True)
         watcher.start()
@@ -319,7 +322,7 @@ class Trainings:
     def _ended(self, running: _Running) -> None:
         """Note how it ended; a process that said nothing of that was killed, or crashed."""
         if self._training(running).state == "running":
-            if running.stop.is_set():
+            if running.stop.is_set() or self._closing:
                 self._change(running, state="stopped", remaining_s=None)
             else:
                 self._change(running, state="failed", problem=ENDED_EARLY)

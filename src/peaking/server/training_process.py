@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 import time
@@ -347,4 +348,5 @@ def _said_to(stdout: BinaryIO) -> Callable[[Said], None]:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when to stop
     main(sys.stdin.buffer, _said_to(sys.stdout.buffer))
