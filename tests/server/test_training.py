@@ -150,7 +150,9 @@ def test_views_that_came_since_are_said_and_begin_it_anew(tmp_path: Path) -> Non
         assert not stopped["outdated"]
         client.put(f"{SESSION}/captures/{capture_id(8)}", content=upload_of_desk(32))
         assert client.get(f"{SESSION}/training").json()["outdated"]
+        (snapshot,) = (tmp_path / "sessions").rglob("snapshot.npz")
         assert order(client, "running")["step"] == 0
+        until(client, lambda _: not snapshot.exists())  # no later training takes it for its own
         assert until(client, lambda t: t["step"] > 0)["views"] == 5
 
 
