@@ -221,7 +221,7 @@ class _Training:
                 shown_s = self._clock()
             if now_s - saved_s >= SNAPSHOT_EVERY_S:
                 saved_s = now_s
-                write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
+                self._save(trainer)
         gaussians = trainer.gaussians()
         self._say(self._progress(trainer, 0.0))
         self._show(gaussians)
@@ -233,8 +233,17 @@ class _Training:
         (self._out / SNAPSHOT).unlink(missing_ok=True)
 
     def _stop(self, trainer: Trainer) -> None:
-        write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
+        self._save(trainer)
         self._say(Stopped())
+
+    def _save(self, trainer: Trainer) -> None:
+        self._refuse_gone()
+        write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
+
+    def _refuse_gone(self) -> None:
+        """Refuse to write where that would make the folder of an erased session again."""
+        if not self._out.is_dir():
+            raise SplatFileError("the session was deleted, or a photo of it erased")
 
     def _trainer(self) -> Trainer:
         from peaking.splat.initialisation import MIN_POINTS, surface_points
@@ -275,6 +284,7 @@ class _Training:
         """Write Gaussians, in the session's axes, and let go of those before the last."""
         if not len(gaussians):
             return
+        self._refuse_gone()
         version = self._version + 1
         path = _written(self._out, version, gaussians)
         self._version = version
