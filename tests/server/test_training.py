@@ -307,7 +307,11 @@ def test_what_is_erased_is_not_told_of_by_who_asks_meanwhile(
         assert client.get(f"{SESSION}/training").json()["state"] == "none"
         assert order(client, "running")["state"] in ("waiting", "running")
         gone = tmp_path / "sessions" / "splat-1.spz"
-        monkeypatch.setattr(Trainings, "splat", lambda *_: gone)
+
+        def went(_self: Trainings, _session: OpenSession, _version: int) -> Path:
+            return gone
+
+        monkeypatch.setattr(Trainings, "splat", went)
         assert client.get(f"{SESSION}/training/splat/1").status_code == 404
 
 

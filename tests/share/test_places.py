@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from peaking.datasets import open_recording
+from peaking.errors import OutputError
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.light_field import LightField
@@ -26,12 +27,13 @@ from peaking.server.session_log import (
     SessionNamed,
 )
 from peaking.server.training import NOTHING
-from peaking.share import pictures
+from peaking.share import pictures, writing
 from peaking.share.file_place import place_of_mpi
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import place_of_recording, whole_contents
+from peaking.share.recorded_place import Contents, place_of_recording, whole_contents
 from peaking.share.session_folder import title_of, trained_in
+from peaking.share.writing import write_place
 from peaking.view_builder import generate
 from recordings import lateral_cameras, write_recording
 
@@ -190,6 +192,18 @@ def test_a_session_is_called_what_people_called_it(session: Path) -> None:
     assert title_of(open_recording(session)) == "Küche"
     (session / FILE_NAME).unlink()
     assert title_of(open_recording(session)) == session.name
+
+
+def test_what_takes_more_than_is_allowed_is_not_written(
+    files: RecordedFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "_viewer", lambda *_: {"index.html": b"", "assets/a.js": b""})
+    shared = place_of_recording(files, Contents([0, 1]))
+    size = write_place(shared, tmp_path / "any", tmp_path)
+    with pytest.raises(OutputError, match="allow more by --max-mb"):
+        write_place(shared, tmp_path / "out", tmp_path, max_bytes=size - 1)
+    assert not (tmp_path / "out").exists()
+    assert write_place(shared, tmp_path / "out", tmp_path, max_bytes=size) == size
 
 
 def test_what_was_gained_by_chance_is_no_loss() -> None:
