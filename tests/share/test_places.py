@@ -197,7 +197,10 @@ def test_a_session_is_called_what_people_called_it(session: Path) -> None:
 def test_what_takes_more_than_is_allowed_is_not_written(
     files: RecordedFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writing, "_viewer", lambda *_: {"index.html": b"", "assets/a.js": b""})
+    def viewer(_shared: SharedPlace, _client_dir: Path) -> dict[str, bytes]:
+        return {"index.html": b"", "assets/a.js": b""}
+
+    monkeypatch.setattr(writing, "_viewer", viewer)
     shared = place_of_recording(files, Contents([0, 1]))
     size = write_place(shared, tmp_path / "any", tmp_path)
     with pytest.raises(OutputError, match="allow more by --max-mb"):

@@ -77,7 +77,10 @@ def test_a_room_for_no_view_is_a_sentence(files: RecordedFiles) -> None:
 def test_where_all_seemed_to_fit_those_worth_least_go(
     files: RecordedFiles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(thinning, "_guessed_bytes", lambda *_: 1.0)
+    def guessed_bytes(*_: object) -> float:
+        return 1.0
+
+    monkeypatch.setattr(thinning, "_guessed_bytes", guessed_bytes)
     room_bytes = sum(len(files.mpi(i)) for i in range(9)) // 2
     kept = list(thin(files, room_bytes).mpis)
     assert 2 < len(kept) < 9
