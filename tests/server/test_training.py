@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import time
 from collections.abc import Callable, Generator
@@ -24,8 +25,11 @@ from peaking.export.splats import read_splats
 from peaking.metrics.psnr_ssim import psnr
 from peaking.options import DEFAULT
 from peaking.server.app import ServerOptions, create_app
+from peaking.server.open_session import OpenSession
 from peaking.server.sessions import SessionStore
+from peaking.server.training import Trainings
 from peaking.server.training_process import suggestion_of
+from peaking.server.upload import BadUpload
 from peaking.splat.rasterise import render
 
 SESSION = f"/api/v1/sessions/{SESSION_ID}"
@@ -150,7 +154,9 @@ def test_views_that_came_since_are_said_and_begin_it_anew(tmp_path: Path) -> Non
         assert not stopped["outdated"]
         client.put(f"{SESSION}/captures/{capture_id(8)}", content=upload_of_desk(32))
         assert client.get(f"{SESSION}/training").json()["outdated"]
+        (snapshot,) = (tmp_path / "sessions").rglob("snapshot.npz")
         assert order(client, "running")["step"] == 0
+        until(client, lambda _: not snapshot.exists())  # no later training takes it for its own
         assert until(client, lambda t: t["step"] > 0)["views"] == 5
 
 
@@ -160,11 +166,34 @@ def test_a_process_that_is_killed_is_said(tmp_path: Path) -> None:
         order(client, "running")
         until(client, lambda t: t["step"] > 0)
         (process,) = processes()
+        assert os.getpgid(process) != os.getpgid(0)  # Ctrl-C does not reach it …
+        os.kill(process, signal.SIGINT)  # … nor does it end by it
+        step = client.get(f"{SESSION}/training").json()["step"]
+        until(client, lambda t: t["step"] > step + 20)
         os.kill(process, signal.SIGKILL)
         failed = until(client, state_is("failed"))
         assert "begun again" in failed["problem"]
         order(client, "running")
         until(client, lambda t: t["state"] == "running" and t["step"] > 0)
+
+
+def test_one_that_failed_goes_on_from_its_snapshot(tmp_path: Path) -> None:
+    with server_of(tmp_path, LONG) as client:
+        fill(client, count=4)
+        order(client, "running")
+        until(client, lambda t: t["step"] > 5)
+        order(client, "stopped")
+        stopped = until(client, state_is("stopped"))
+        until(client, lambda _: processes() == [])
+        order(client, "running")
+        until(client, lambda t: t["step"] > stopped["step"])
+        (process,) = processes()
+        os.kill(process, signal.SIGKILL)
+        failed = until(client, state_is("failed"))
+        assert order(client, "running")["step"] == failed["step"]
+        until(client, lambda _: len(processes()) == 1)
+        going = until(client, lambda t: t["state"] == "running" and t["step"] != failed["step"])
+        assert going["step"] >= stopped["step"]
 
 
 def test_one_at_a_time_and_one_that_waits_can_be_stopped(tmp_path: Path) -> None:
@@ -205,6 +234,85 @@ def test_a_session_that_is_deleted_is_not_trained_on(tmp_path: Path) -> None:
         assert client.get(f"{SESSION}/training").status_code == 410
         client.patch(SESSION, json={"deleted": False})
         assert client.get(f"{SESSION}/training").json()["state"] == "stopped"
+
+
+def test_nothing_is_trained_while_a_session_is_deleted_or_erased(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trainings: list[Trainings] = []
+    end, delete, erase = Trainings.end, SessionStore.delete, SessionStore.erase
+
+    def ended(self: Trainings, session_id: str) -> None:
+        trainings.append(self)
+        end(self, session_id)
+
+    def deleted(self: SessionStore, session_id: str) -> OpenSession:
+        with pytest.raises(BadUpload, match="being deleted"):
+            trainings[0].run(self.get(session_id))
+        return delete(self, session_id)
+
+    def erased(self: SessionStore, session_id: str) -> None:
+        session = self.get(session_id)
+        erase(self, session_id)
+        with pytest.raises(BadUpload, match="being deleted"):
+            trainings[0].run(session)
+
+    monkeypatch.setattr(Trainings, "end", ended)
+    monkeypatch.setattr(SessionStore, "delete", deleted)
+    monkeypatch.setattr(SessionStore, "erase", erased)
+    with server_of(tmp_path, LONG) as client:
+        fill(client, count=3)
+        assert client.patch(SESSION, json={"deleted": True}).status_code == 200
+        client.patch(SESSION, json={"deleted": False})
+        order(client, "running")
+        until(client, lambda t: t["step"] > 0)
+        assert client.delete(SESSION).status_code == 204
+        assert processes() == []
+        assert not list((tmp_path / "sessions").rglob("training"))
+
+
+def test_a_process_does_not_make_an_erased_folder_again(tmp_path: Path) -> None:
+    with server_of(tmp_path, LONG) as client:
+        fill(client, count=3)
+        order(client, "running")
+        until(client, lambda t: t["splat_version"] > 0)
+        (folder,) = (tmp_path / "sessions").rglob("training")
+        shutil.rmtree(folder)
+        order(client, "stopped")
+        until(client, state_is("failed"))
+        assert not folder.exists()
+
+
+def test_what_is_erased_is_not_told_of_by_who_asks_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions: list[OpenSession] = []
+    forget, end = Trainings.forget, Trainings.end
+
+    def forgotten(self: Trainings, session: OpenSession) -> None:
+        sessions.append(session)
+        forget(self, session)
+
+    def ended(self: Trainings, session_id: str) -> None:
+        end(self, session_id)
+        self.of(sessions[0])  # as a GET would
+
+    with server_of(tmp_path) as client:
+        fill(client, count=4)
+        order(client, "running")
+        until(client, state_is("done"))
+        monkeypatch.setattr(Trainings, "forget", forgotten)
+        monkeypatch.setattr(Trainings, "end", ended)
+        client.patch(f"{SESSION}/captures/{capture_id(2)}", json={"ending": "erased"})
+        assert client.get(f"{SESSION}/training").json()["state"] == "none"
+        assert order(client, "running")["state"] in ("waiting", "running")
+        gone = tmp_path / "sessions" / "splat-1.spz"
+
+        def went(_self: Trainings, _session: OpenSession, _version: int) -> Path:
+            return gone
+
+        monkeypatch.setattr(Trainings, "splat", went)
+        assert client.get(f"{SESSION}/training/splat/1").status_code == 404
 
 
 def test_what_cannot_be_trained_on_is_said(tmp_path: Path) -> None:

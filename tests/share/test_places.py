@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from peaking.datasets import open_recording
+from peaking.errors import OutputError
 from peaking.frame import Frame
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.light_field import LightField
@@ -26,12 +27,13 @@ from peaking.server.session_log import (
     SessionNamed,
 )
 from peaking.server.training import NOTHING
-from peaking.share import pictures
+from peaking.share import pictures, writing
 from peaking.share.file_place import place_of_mpi
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of
 from peaking.share.recorded_files import RecordedFiles
-from peaking.share.recorded_place import place_of_recording, whole_contents
+from peaking.share.recorded_place import Contents, place_of_recording, whole_contents
 from peaking.share.session_folder import title_of, trained_in
+from peaking.share.writing import write_place
 from peaking.view_builder import generate
 from recordings import lateral_cameras, write_recording
 
@@ -192,6 +194,28 @@ def test_a_session_is_called_what_people_called_it(session: Path) -> None:
     assert title_of(open_recording(session)) == session.name
 
 
+def test_what_takes_more_than_is_allowed_is_not_written(
+    files: RecordedFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def viewer(_shared: SharedPlace, _client_dir: Path) -> dict[str, bytes]:
+        return {"index.html": b"", "assets/a.js": b""}
+
+    monkeypatch.setattr(writing, "_viewer", viewer)
+    shared = place_of_recording(files, Contents([0, 1]))
+    size = write_place(shared, tmp_path / "any", tmp_path)
+    with pytest.raises(OutputError, match="allow more by --max-mb"):
+        write_place(shared, tmp_path / "out", tmp_path, max_bytes=size - 1)
+    assert not (tmp_path / "out").exists()
+    assert write_place(shared, tmp_path / "out", tmp_path, max_bytes=size) == size
+
+
+def test_what_was_gained_by_chance_is_no_loss() -> None:
+    (camera,) = lateral_cameras(1, 16, 16)
+    place = Place("a", "splat", [PlaceView("a", camera)], loss_db=-0.01, splat_loss_db=-0.2)
+    told = json.loads(place.to_json())
+    assert (told["loss_db"], told["splat_loss_db"]) == (0.0, 0.0)
+
+
 def test_gaussians_that_were_trained_on_a_session_are_shown(session: Path) -> None:
     recording = open_recording(session)
     assert trained_in(recording) is None
@@ -207,5 +231,12 @@ def test_gaussians_that_were_trained_on_a_session_are_shown(session: Path) -> No
     shared = place_of_recording(files, whole_contents(files))
     assert (shared.place.shown, shared.place.splat) == ("light-field", "splat.ply")
     assert shared.files["splat.ply"]() == b"Gaussians"
+    for name in ("splat-7.ply", "status.json"):
+        inside, outside = session / "training" / name, session.with_name(name)
+        inside.rename(outside)
+        inside.symlink_to(outside)
+        assert trained_in(recording) is None
+        inside.unlink()
+        outside.rename(inside)
     status.write_bytes(b"{")
     assert trained_in(recording) is None

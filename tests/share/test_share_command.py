@@ -183,6 +183,9 @@ def test_gaussians_of_a_recording(
     assert "showAll" in page
     assert 'data-file="splat.' in page
     assert page.count('data-file="mpis/') == 6
+    both = json.loads(page.partition('id="place">')[2].partition("</script>")[0])
+    assert (both["shown"], both["loss_db"]) == ("light-field", None)  # all of it is kept
+    assert 0 <= both["splat_loss_db"] < 0.5
     assert "Gaussians; PSNR of the pictures is 0." in capsys.readouterr().out
 
 

@@ -14,6 +14,7 @@ from peaking.metrics.psnr_ssim import psnr
 from peaking.mpi import Mpi
 from peaking.mpi_file import decode, encode
 from peaking.options import DEFAULT
+from peaking.share import thinning
 from peaking.share.compact_mpi import COMPACT, WHOLE, without_hidden
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.thinning import loss_db, thin
@@ -41,7 +42,7 @@ def test_all_are_kept_as_they_are_where_they_fit(files: RecordedFiles) -> None:
 
 @pytest.mark.parametrize("room_bytes", [60_000, 100_000])
 def test_what_is_kept_fits(files: RecordedFiles, room_bytes: int) -> None:
-    thinned = thin(files, room_bytes, other_bytes=1000)
+    thinned = thin(files, room_bytes, other_bytes=lambda _: 1000)
     size = sum(map(len, thinned.mpis.values())) + 1000 * len(thinned.mpis)
     assert 0.6 * room_bytes < size <= room_bytes
     assert 1 < len(thinned.mpis) < 9
@@ -71,6 +72,22 @@ def test_no_more_views_than_asked_for(files: RecordedFiles) -> None:
 def test_a_room_for_no_view_is_a_sentence(files: RecordedFiles) -> None:
     with pytest.raises(OutputError, match="allow more by --max-mb"):
         thin(files, 1000)
+
+
+def test_where_all_seemed_to_fit_those_worth_least_go(
+    files: RecordedFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def guessed_bytes(*_: object) -> float:
+        return 1.0
+
+    monkeypatch.setattr(thinning, "_guessed_bytes", guessed_bytes)
+    room_bytes = sum(len(files.mpi(i)) for i in range(9)) // 2
+    kept = list(thin(files, room_bytes).mpis)
+    assert 2 < len(kept) < 9
+    assert sum(len(files.mpi(i)) for i in kept) <= room_bytes
+    assert max(kept) > len(kept)  # not the beginning of the walk
+    with pytest.raises(OutputError, match="allow more by --max-mb"):
+        thin(files, min(len(files.mpi(i)) for i in range(9)) - 1)
 
 
 def test_the_loss_is_that_of_pictures_that_were_not_kept(files: RecordedFiles) -> None:

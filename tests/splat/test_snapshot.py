@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,9 @@ def test_other_pictures_and_damaged_files_are_refused(tmp_path: Path) -> None:
     write_snapshot(path, trainer.snapshot())
     with pytest.raises(ValueError, match="pictures of the training"):
         Trainer(frames(3), SHORT).go_on(read_snapshot(path))
+    others = [replace(frame, name=f"other {frame.name}") for frame in frames(5)]
+    with pytest.raises(ValueError, match="pictures of the training"):
+        Trainer(others, SHORT).go_on(read_snapshot(path))
     data = path.read_bytes()
     for damaged in (data[: len(data) // 2], b"", b"something else"):
         path.write_bytes(damaged)

@@ -85,7 +85,8 @@ class Share:
         shared, figures = self._shared()
         shared = shared.named(self.title or shared.place.title, self.licence, self.address)
         with tqdm(shared.files, desc="writing", unit="file") as names:
-            size = write_place(shared, self.out, CLIENT_DIR, names)
+            max_bytes = int(self.max_mb * MB)
+            size = write_place(shared, self.out, CLIENT_DIR, names, max_bytes=max_bytes)
         say(f"{self.out}: {size / MB:.1f} MB", *_said(figures))
         if is_single(self.out):
             say(f"look at it: open {self.out.resolve().as_uri()}")

@@ -265,22 +265,21 @@ class _Handlers:
             await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
             await self._changing(request, session.id, self.store.restore, session.id)
+            self.trainings.allow(session)
             await run_in_threadpool(self._make_missing, session)
         if change.name is not None:
             await self._changing(request, session.id, session.rename, change.name)
         if change.finished is not None:
             await self._changing(request, session.id, session.finish, change.finished)
         if change.deleted is True:
-            await run_in_threadpool(self.trainings.end, session.id)
-            await self._changing(request, session.id, self.store.delete, session.id)
+            await self._end_session(request, session.id, self.store.delete)
         self._tell_summary(session)
         return json_response(self._summary(session))
 
     async def erase_session(self, request: Request) -> Response:
         session_id = id_in_path(request, "session")
         await run_in_threadpool(self.admission.to_end, session_id)
-        await run_in_threadpool(self.trainings.end, session_id)
-        await self._changing(request, session_id, self.store.erase, session_id)
+        await self._end_session(request, session_id, self.store.erase)
         return Response(status_code=204)
 
     async def selection(self, request: Request) -> Response:
@@ -438,6 +437,19 @@ class _Handlers:
             raise Busy(1) from error
         finally:
             place.give_back()
+
+    async def _end_session(
+        self, request: Request, session_id: str, end: Callable[[str], object]
+    ) -> None:
+        """Delete or erase a session, on which nothing is trained from then on."""
+        await run_in_threadpool(self.trainings.end, session_id)
+        try:
+            await self._changing(request, session_id, end, session_id)
+        except BaseException:
+            with contextlib.suppress(PeakingError):  # it is gone all the same
+                self.trainings.allow(self.store.get(session_id))
+            raise
+        await run_in_threadpool(self.trainings.end, session_id)  # what was asked for meanwhile
 
     async def _changing(
         self,

@@ -55,6 +55,7 @@ NOTHING = wire.Training(
     outdated=False,
     problem=None,
 )
+ENDING = "Something of this session is being deleted; train it in a moment."
 ENDED_EARLY = "The training ended unexpectedly; it can be begun again."
 
 _log = logging.getLogger("peaking.server")
@@ -117,6 +118,8 @@ class Trainings:
         self._waiting: queue.SimpleQueue[OpenSession | None] = queue.SimpleQueue()
         self._running: _Running | None = None
         self._closing = False
+        self._refused: set[str] = set()
+        """Ids of sessions that are being deleted, or are deleted or erased."""
         self._thread = threading.Thread(target=self._work, name="training", daemon=True)
         self._thread.start()
 
@@ -131,17 +134,21 @@ class Trainings:
         """Begin a training, or go on with one; does nothing where it is under way. For a thread.
 
         Raises:
-            BadUpload: There are too few views.
+            BadUpload: There are too few views, or something of it is being deleted.
             DiskFull: There is no room for the data set's list of photos.
         """
         captures = _ids(session)
         if len(captures) < process.LEAST_VIEWS:
             raise BadUpload(f"Take at least {process.LEAST_VIEWS} views, then train.", status=409)
         with self._lock:
+            if session.id in self._refused:
+                raise BadUpload(ENDING, status=409)
             record = self._record(session)
             before = record.training
             if before.state not in ("waiting", "running"):
-                goes_on = before.state == "stopped" and captures == record.captures
+                snapshot = session.folder / FOLDER / process.SNAPSHOT
+                ended_early = before.state in ("stopped", "failed") and snapshot.is_file()
+                goes_on = ended_early and captures == record.captures
                 changes = {} if goes_on else {"step": 0, "elapsed_s": 0.0, "gaussians": 0}
                 training = msgspec.structs.replace(
                     before, state="waiting", steps=self._steps, problem=None, psnr_db=None,
@@ -182,11 +189,21 @@ class Trainings:
         """End and delete the training of a session of which something is erased. For a thread."""
         self.end(session.id)
         shutil.rmtree(session.folder / FOLDER, ignore_errors=True)
+        with self._lock:
+            self._records.pop(session.id, None)  # who asked meanwhile had it read again
+        self.allow(session)
         self._tell(session)
 
-    def end(self, session_id: str) -> None:
-        """End the training of a session that is deleted, and wait for that. For a thread."""
+    def allow(self, session: OpenSession) -> None:
+        """Let a session be trained on again after `end`, where it is not deleted."""
         with self._lock:
+            if session.deleted_s is None:
+                self._refused.discard(session.id)
+
+    def end(self, session_id: str) -> None:
+        """End the training of a session, wait for that, and refuse others. For a thread."""
+        with self._lock:
+            self._refused.add(session_id)
             self._records.pop(session_id, None)
             running = self._running
             if running is not None and running.session.id == session_id:
@@ -222,6 +239,8 @@ class Trainings:
                 record = self._records.get(session.id)
                 if self._closing or record is None or record.training.state != "waiting":
                     continue
+                if session.id in self._refused or session.deleted_s is not None:
+                    continue
                 running = self._running = _Running(session)
             try:
                 self._train(running, record)
@@ -252,6 +271,7 @@ class Trainings:
             [sys.executable, "-m", process.__name__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the server, which lets it write its snapshot
         )
         watcher = threading.Thread(target=self._watch, args=(running, child, task), daemon=True)
         watcher.start()
@@ -319,7 +339,7 @@ class Trainings:
     def _ended(self, running: _Running) -> None:
         """Note how it ended; a process that said nothing of that was killed, or crashed."""
         if self._training(running).state == "running":
-            if running.stop.is_set():
+            if running.stop.is_set() or self._closing:
                 self._change(running, state="stopped", remaining_s=None)
             else:
                 self._change(running, state="failed", problem=ENDED_EARLY)
@@ -348,8 +368,11 @@ class Trainings:
             if record is None or running.forgotten:
                 return
             status = _Status(record.training, sorted(record.captures))
+        folder = running.session.folder / FOLDER
+        if not folder.is_dir():
+            return  # erased meanwhile
         with contextlib.suppress(PeakingError):  # a full disk: it is only forgotten
-            write_atomically(running.session.folder / FOLDER / STATUS, msgspec.json.encode(status))
+            write_atomically(folder / STATUS, msgspec.json.encode(status))
 
 
 def _ids(session: OpenSession) -> frozenset[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 import time
@@ -184,13 +185,18 @@ class _Training:
         self._out = Path(task.out)
         self._version = task.version
         self._options = SplatOptions(iterations=task.steps)
-        self._views = _views(task)
+        if not task.goes_on:
+            (self._out / SNAPSHOT).unlink(missing_ok=True)  # of other views
+        self._views = _views(task, orders)
         held_out = range(0, len(self._views), HELD_OUT_EVERY)
         few = len(self._views) < HELD_OUT_EVERY
         self._held_out = [] if few else [self._views[index] for index in held_out]
         self._trained = [view for view in self._views if view not in self._held_out]
 
     def run(self) -> None:
+        if self._orders.stop:
+            self._say(Stopped())
+            return
         trainer = self._trainer()
         began_s = shown_s = saved_s = said_s = self._clock()
         next_preview_s = FIRST_PREVIEW_S
@@ -199,8 +205,7 @@ class _Training:
             paused_s = self._orders.wait()
             began_s, shown_s = began_s + paused_s, shown_s + paused_s
             if self._orders.stop:
-                write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
-                self._say(Stopped())
+                self._stop(trainer)
                 return
             step_s = self._clock()
             trainer.step()
@@ -216,12 +221,29 @@ class _Training:
                 shown_s = self._clock()
             if now_s - saved_s >= SNAPSHOT_EVERY_S:
                 saved_s = now_s
-                write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
+                self._save(trainer)
         gaussians = trainer.gaussians()
         self._say(self._progress(trainer, 0.0))
         self._show(gaussians)
-        self._say(self._judged(gaussians))
+        judged = self._judged(gaussians)
+        if judged is None:
+            self._stop(trainer)
+            return
+        self._say(judged)
         (self._out / SNAPSHOT).unlink(missing_ok=True)
+
+    def _stop(self, trainer: Trainer) -> None:
+        self._save(trainer)
+        self._say(Stopped())
+
+    def _save(self, trainer: Trainer) -> None:
+        self._refuse_gone()
+        write_snapshot(self._out / SNAPSHOT, trainer.snapshot())
+
+    def _refuse_gone(self) -> None:
+        """Refuse to write where that would make the folder of an erased session again."""
+        if not self._out.is_dir():
+            raise SplatFileError("the session was deleted, or a photo of it erased")
 
     def _trainer(self) -> Trainer:
         from peaking.splat.initialisation import MIN_POINTS, surface_points
@@ -237,7 +259,7 @@ class _Training:
             )
         trainer = Trainer(frames, self._options, points=points)
         if self._task.goes_on:
-            # Damaged: it begins again.
+            # Damaged, or of other views: it begins again.
             with contextlib.suppress(SplatFileError, ValueError):
                 trainer.go_on(read_snapshot(self._out / SNAPSHOT))
         return trainer
@@ -262,6 +284,7 @@ class _Training:
         """Write Gaussians, in the session's axes, and let go of those before the last."""
         if not len(gaussians):
             return
+        self._refuse_gone()
         version = self._version + 1
         path = _written(self._out, version, gaussians)
         self._version = version
@@ -271,8 +294,13 @@ class _Training:
         kind: wire.SplatFormat = "spz" if path.suffix == ".spz" else "ply"
         self._say(Shown(version, kind, path.stat().st_size))
 
-    def _judged(self, gaussians: Gaussians) -> Finished:
-        by_view = [(_psnr_db(gaussians, view.frame), view) for view in self._views]
+    def _judged(self, gaussians: Gaussians) -> Finished | None:
+        """Return how well views are shown; None where it is told to stop meanwhile."""
+        by_view: list[tuple[float, _View]] = []
+        for view in self._views:
+            if self._orders.stop:
+                return None
+            by_view.append((_psnr_db(gaussians, view.frame), view))
         of_held_out = [db for db, view in by_view if view in self._held_out]
         median_db = float(np.median([db for db, _ in by_view]))
         worst = sorted(by_view, key=lambda each: each[0])[:WORST]
@@ -294,18 +322,23 @@ def suggestion_of(psnr_db: float, median_db: float) -> str:
     return "As good as the others."
 
 
-def _views(task: Task) -> list[_View]:
+def _views(task: Task, orders: _Orders) -> list[_View]:
+    """Return the views; not all where it is told to stop meanwhile."""
     from peaking.datasets import open_recording
 
     recording = open_recording(Path(task.folder))
     views: list[_View] = []
     for index in range(len(recording)):
+        if orders.stop:
+            break
         frame = recording.read(index)
         size_px = working_size_px(*frame.camera.pinhole.size_px, pixels=task.pixels)
         number = int(Path(frame.name).stem) if Path(frame.name).stem.isdigit() else index
         capture = task.captures.get(number)
         if capture is not None:
-            views.append(_View(capture, number, frame.resized(*size_px)))
+            # By its id, a snapshot knows it again.
+            frame = replace(frame.resized(*size_px), name=capture)
+            views.append(_View(capture, number, frame))
     return views
 
 
@@ -347,4 +380,5 @@ def _said_to(stdout: BinaryIO) -> Callable[[Said], None]:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when to stop
     main(sys.stdin.buffer, _said_to(sys.stdout.buffer))

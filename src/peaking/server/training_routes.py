@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Awaitable, Callable
 
 from starlette.concurrency import run_in_threadpool
@@ -10,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from peaking.errors import RecordingError
 from peaking.server import wire
 from peaking.server.fair_room import FairRoom
 from peaking.server.file_answers import FileAnswer, OpenFile
@@ -70,12 +72,14 @@ class MadeHandlers:
     async def _splat(self, request: Request) -> Response:
         session = self._session_of(request)
         version = request.path_params["version"]
-        path = None
+        path, file = None, None
         if version.isascii() and version.isdigit() and len(version) < MAX_DIGITS:
             path = await run_in_threadpool(self._trainings.splat, session, int(version))
-        if path is None:
+        if path is not None:
+            with contextlib.suppress(RecordingError):  # it went meanwhile
+                file = await run_in_threadpool(lambda: OpenFile(path, within=session.folder))
+        if file is None:
             raise HTTPException(404, "These Gaussians are gone. Ask for the newest.")
-        file = await run_in_threadpool(lambda: OpenFile(path, within=session.folder))
         return FileAnswer(file, room=self._files, media_type=BINARY, headers=LASTING)
 
     async def _points(self, request: Request) -> Response:

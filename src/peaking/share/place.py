@@ -61,7 +61,9 @@ class Place:
         splat: Name of the file of Gaussians, in the axes of this world.
         options: How multi-plane images are blended, as clients are told; None without any.
         start: Number of the view from which one looks first.
-        loss_db: What was lost against the whole; None: nothing was left out, or it is not known.
+        loss_db: What was lost against the whole, of what is shown first; None: nothing was left
+            out, or it is not known.
+        splat_loss_db: What the Gaussians lost; None: nothing, or it is not known.
         poster: Name of a picture that is shown until the first one is there.
         address: Where the place will be found, None where that is not known.
         qr: Name of a QR code of the address.
@@ -78,6 +80,7 @@ class Place:
     options: Mapping[str, object] | None = None
     start: int = 0
     loss_db: float | None = None
+    splat_loss_db: float | None = None
     poster: str | None = None
     address: str | None = None
     qr: str | None = None
@@ -98,7 +101,8 @@ class Place:
             "splat": self.splat,
             "options": self.options,
             "start": self.start,
-            "loss_db": None if self.loss_db is None else round(self.loss_db, 3),
+            "loss_db": _lost_db(self.loss_db),
+            "splat_loss_db": _lost_db(self.splat_loss_db),
             "poster": self.poster,
             "address": self.address,
             "qr": self.qr,
@@ -144,6 +148,11 @@ def start_of(cameras: Sequence[Camera]) -> int:
     away_m = np.linalg.norm(positions_m - positions_m.mean(axis=0), axis=1)
     aside = 1 - forward @ forward.mean(axis=0)
     return int(np.argmin(away_m / max(float(away_m.max()), 1e-9) + aside))
+
+
+def _lost_db(loss_db: float | None) -> float | None:
+    """Return a loss as it is told: what gained by chance lost nothing."""
+    return None if loss_db is None else round(max(loss_db, 0.0), 3)
 
 
 def _view(view: PlaceView) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from peaking.point_cloud import PointCloud
 
 NUM_POINTS = 10_000
 """At most: they tell where surfaces are, and are not the picture."""
+POINT_BYTES = 15
+"""Of each in the file: three float32 and a colour."""
 SAMPLED_PIXELS = 8000
 """Of a frame, at most."""
 

@@ -8,6 +8,8 @@ from functools import partial
 
 import msgspec
 
+from peaking.datasets.foreign_files import read_bytes
+from peaking.errors import RecordingError
 from peaking.options import Options
 from peaking.server.wire import options_for_clients
 from peaking.share.place import Place, PlaceView, SharedPlace, start_of, up_of
@@ -32,7 +34,8 @@ class Contents:
         indices: The frames that are views.
         mpis: Makes their multi-plane images, by frame; none for those without.
         splat: Name and maker of the file of Gaussians.
-        loss_db: What was lost against the whole.
+        loss_db: What was lost against the whole, of what is shown first.
+        splat_loss_db: What the Gaussians lost.
         with_photos: Whether views have their photographs.
     """
 
@@ -40,6 +43,7 @@ class Contents:
     mpis: Mapping[int, Maker] = field(default_factory=dict[int, Maker])
     splat: tuple[str, Maker] | None = None
     loss_db: float | None = None
+    splat_loss_db: float | None = None
     with_photos: bool = True
 
 
@@ -60,8 +64,8 @@ def _of_session(files: RecordedFiles) -> tuple[str, Maker] | None:
     if path is None or files.origin_m.any():
         return None
     try:
-        data = path.read_bytes()
-    except OSError:
+        data = read_bytes(path, within=path.parent.parent)
+    except (RecordingError, OSError):
         return None
     return f"splat{path.suffix}", lambda: data
 
@@ -103,6 +107,7 @@ def place_of_recording(files: RecordedFiles, contents: Contents) -> SharedPlace:
         options=client_options(files.options) if contents.mpis else None,
         start=start,
         loss_db=contents.loss_db,
+        splat_loss_db=contents.splat_loss_db,
         poster=poster,
     )
     return SharedPlace(place, made)

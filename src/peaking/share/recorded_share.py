@@ -10,10 +10,11 @@ from typing import Literal
 
 from peaking.share import splat as splats
 from peaking.share.place import SharedPlace
+from peaking.share.points import NUM_POINTS, POINT_BYTES
 from peaking.share.recorded_files import RecordedFiles
 from peaking.share.recorded_place import Contents, place_of_recording
 from peaking.share.sampling import evenly
-from peaking.share.thinning import Progress, thin
+from peaking.share.thinning import SAMPLED, Progress, thin
 from peaking.share.writing import room_for
 from peaking.splat.options import SplatOptions
 from peaking.splat.training import TrainingStep
@@ -101,7 +102,8 @@ def share_recording(
         fitted, figures = _gaussians(files, wanted, int(of_room * room), trained)
         room -= len(fitted.data)
         splat = (f"splat{fitted.ending}", lambda: fitted.data)
-        contents = replace(contents, splat=splat, loss_db=figures.splat_loss_db)
+        lost_db = figures.splat_loss_db
+        contents = replace(contents, splat=splat, loss_db=lost_db, splat_loss_db=lost_db)
     if wanted.kind != "splat":
         contents, figures = _light_field(files, wanted, room, (contents, figures), progress)
     return place_of_recording(files, contents), figures
@@ -145,7 +147,11 @@ def _light_field(
     progress: Progress,
 ) -> tuple[Contents, Figures]:
     contents, figures = before
-    beside = len(files.thumbnail(files.usable[0])) + VIEW_BYTES
+    room_bytes -= _growth_bytes(files)
+
+    def beside(index: int) -> int:
+        return len(files.thumbnail(index)) + VIEW_BYTES
+
     thinned = thin(files, room_bytes, wanted.num_views, other_bytes=beside, progress=progress)
     mpis = {i: partial(_same, data) for i, data in thinned.mpis.items()}
     contents = replace(contents, indices=sorted(mpis), mpis=mpis, loss_db=thinned.loss_db)
@@ -156,6 +162,15 @@ def _light_field(
         light_field_loss_db=thinned.loss_db,
     )
     return contents, figures
+
+
+def _growth_bytes(files: RecordedFiles) -> int:
+    """Return how much larger the poster and the points may be than those of the first frame."""
+    posters = [len(files.photo(i)) for i in evenly(files.usable, SAMPLED)]
+    growth_bytes = max(0, max(posters) - len(files.photo(0)))
+    if files.has_points:
+        growth_bytes += NUM_POINTS * POINT_BYTES - len(files.points([0]))
+    return growth_bytes
 
 
 def _same(data: bytes) -> bytes:

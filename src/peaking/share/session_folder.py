@@ -7,6 +7,8 @@ from pathlib import Path
 import msgspec
 
 from peaking.datasets import Recording
+from peaking.datasets.foreign_files import open_file, read_bytes
+from peaking.errors import RecordingError
 from peaking.server import wire
 from peaking.server.session_log import FILE_NAME, SessionBegun, SessionLog, SessionNamed
 from peaking.server.training import FOLDER, STATUS
@@ -34,17 +36,21 @@ def title_of(recording: Recording) -> str:
 
 
 def trained_in(recording: Recording) -> Path | None:
-    """Return the Gaussians that the server trained on a session to the end, if it did."""
+    """Return the Gaussians that the server trained on a session to the end, if it did.
+
+    Links that lead out of the folder are not followed: the server makes none.
+    """
     folder = _session(recording)
     if folder is None:
         return None
     try:
-        data = (folder / FOLDER / STATUS).read_bytes()
+        data = read_bytes(folder / FOLDER / STATUS, within=folder)
         training = msgspec.json.decode(data, type=_Status).training
-    except (OSError, msgspec.MsgspecError):
+        path = folder / FOLDER / f"splat-{training.splat_version}.{training.splat_format}"
+        open_file(path, within=folder).close()
+    except (RecordingError, OSError, msgspec.MsgspecError):
         return None
-    path = folder / FOLDER / f"splat-{training.splat_version}.{training.splat_format}"
-    return path if training.state == "done" and path.is_file() else None
+    return path if training.state == "done" else None
 
 
 def _session(recording: Recording) -> Path | None:

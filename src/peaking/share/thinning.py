@@ -50,7 +50,7 @@ def thin(
     room_bytes: int,
     num_views: int | None = None,
     *,
-    other_bytes: int = 0,
+    other_bytes: Callable[[int], int] = lambda _: 0,
     progress: Progress = lambda numbers, _: numbers,
 ) -> Thinned:
     """Choose the views that show most and fit into a room.
@@ -63,7 +63,7 @@ def thin(
         files: Of a recording, some frames of which can become views.
         room_bytes: For all views together.
         num_views: How many at most; None: as many as fit.
-        other_bytes: What each view takes beside its image.
+        other_bytes: What the view of a frame takes beside its image.
         progress: Wraps what takes long.
 
     Raises:
@@ -74,9 +74,20 @@ def thin(
     wanted = min(num_views or len(usable), len(usable))
     coding, fitting = _coding(files, wanted, room_bytes, other_bytes)
     kept = _chosen(files, fitting, progress)
-    mpis = {i: files.mpi(i, coding) for i in progress(sorted(kept), "generating")}
-    while sum(map(len, mpis.values())) + len(mpis) * other_bytes > room_bytes and len(mpis) > 1:
-        del mpis[kept.pop()]
+    mpis: dict[int, bytes] = {}
+    sizes: dict[int, int] = {}
+    for i in progress(sorted(kept), "generating"):
+        mpis[i] = files.mpi(i, coding)
+        sizes[i] = len(mpis[i]) + other_bytes(i)
+    size = sum(sizes.values())
+    if size > room_bytes and fitting == len(usable) > 1:  # nothing was chosen yet
+        fitting = min(fitting - 1, max(1, int(AT_FIRST * fitting * room_bytes / size)))
+        kept = _chosen(files, fitting, progress)
+    while sum(sizes[i] for i in kept) > room_bytes:
+        if len(kept) == 1:
+            raise _too_large(files, float(sizes[kept[0]]), room_bytes)
+        kept.pop()
+    mpis = {i: mpis[i] for i in sorted(kept)}
     whole = len(mpis) == len(usable) and coding == WHOLE
     return Thinned(mpis, None if whole else loss_db(files, mpis, progress))
 
@@ -131,27 +142,34 @@ class _StoredFrames(RecordedFrames):
 
 
 def _coding(
-    files: RecordedFiles, wanted: int, room_bytes: int, other_bytes: int
+    files: RecordedFiles, wanted: int, room_bytes: int, other_bytes: Callable[[int], int]
 ) -> tuple[Coding, int]:
     """Return how images are coded, and how many views are tried.
 
     It is the largest coding in which all that are wanted fit, or else the smallest.
     """
     for coding in (WHOLE, *BETWEEN):
-        if (_guessed_bytes(files, coding) + other_bytes) * wanted <= SURELY * room_bytes:
+        if _guessed_bytes(files, coding, other_bytes) * wanted <= SURELY * room_bytes:
             return coding, wanted
-    each_bytes = _guessed_bytes(files, COMPACT) + other_bytes
+    each_bytes = _guessed_bytes(files, COMPACT, other_bytes)
     if each_bytes > room_bytes:
-        raise OutputError(
-            f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
-            f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
-        )
+        raise _too_large(files, each_bytes, room_bytes)
     return COMPACT, min(wanted, int(AT_FIRST * room_bytes / each_bytes))
 
 
-def _guessed_bytes(files: RecordedFiles, coding: Coding) -> float:
-    """Return how large a frame's image is in the mean, from a few."""
-    return float(np.mean([len(files.mpi(i, coding)) for i in evenly(files.usable, SAMPLED)]))
+def _too_large(files: RecordedFiles, each_bytes: float, room_bytes: int) -> OutputError:
+    return OutputError(
+        f"{files.recording.path}: a view takes {each_bytes / 1e6:.1f} MB, and "
+        f"{max(room_bytes, 0) / 1e6:.1f} MB are left for them; allow more by --max-mb"
+    )
+
+
+def _guessed_bytes(
+    files: RecordedFiles, coding: Coding, other_bytes: Callable[[int], int]
+) -> float:
+    """Return how large a frame's view is in the mean, from a few."""
+    sampled = evenly(files.usable, SAMPLED)
+    return float(np.mean([len(files.mpi(i, coding)) + other_bytes(i) for i in sampled]))
 
 
 def _chosen(files: RecordedFiles, count: int, progress: Progress) -> list[int]:

@@ -30,7 +30,6 @@ _OURS = frozenset(
     }
 )
 """All that lies in the folder of a share."""
-_JSON_BYTES_OF_A_VIEW = 600
 
 
 def is_single(out: Path) -> bool:
@@ -63,6 +62,8 @@ def write_place(
     out: Path,
     client_dir: Path,
     progress: Iterable[str] | None = None,
+    *,
+    max_bytes: int | None = None,
 ) -> int:
     """Write a place, complete or not at all; return how many bytes it takes.
 
@@ -72,9 +73,10 @@ def write_place(
             earlier share.
         client_dir: The built web client.
         progress: The names of its files, wrapped.
+        max_bytes: A place that takes more is not written; None: any is.
 
     Raises:
-        OutputError: The place is taken, full or not writable.
+        OutputError: The place is taken, full or not writable, or what is shared takes more bytes.
         ToolMissing: The web client is not built.
         PeakingError: A file of the place cannot be made.
     """
@@ -82,12 +84,15 @@ def write_place(
     files = {name: shared.files[name]() for name in names}
     if is_single(out):
         data = page_with_place(shared.place, files, client_dir)
+        _refuse_larger(out, len(data), max_bytes)
         write_atomically(out, data)
         return len(data)
     whole = {PLACE_FILE: shared.place.to_json(), **files, **_viewer(shared, client_dir)}
+    size = sum(map(len, whole.values()))
+    _refuse_larger(out, size, max_bytes)
     with _new_or_earlier(out) as folder:
         _write_all(folder, whole)
-    return sum(map(len, whole.values()))
+    return size
 
 
 def check_out(out: Path) -> None:
@@ -105,6 +110,14 @@ def check_out(out: Path) -> None:
     if out.is_dir() and any(out.iterdir()) and not _is_earlier_share(out):
         raise OutputError(
             f"{out}: holds other things than an earlier share; give a new folder or empty this one"
+        )
+
+
+def _refuse_larger(out: Path, size: int, max_bytes: int | None) -> None:
+    if max_bytes is not None and size > max_bytes:
+        raise OutputError(
+            f"{out}: would take {size / 1e6:.2f} MB, and {max_bytes / 1e6:.2f} MB are allowed; "
+            "allow more by --max-mb"
         )
 
 

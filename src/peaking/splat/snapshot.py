@@ -29,6 +29,7 @@ class Snapshot:
         iteration: Steps that were taken.
         waiting: Pictures that are due before any is used again; the last is the next.
         random: State of the random numbers, as numpy's bit generators give it.
+        pictures: Names of the pictures, in the order in which they were given.
     """
 
     state: AdamState
@@ -36,6 +37,7 @@ class Snapshot:
     iteration: int
     waiting: tuple[int, ...]
     random: dict[str, Any]
+    pictures: tuple[str, ...]
 
 
 def write_snapshot(path: Path, snapshot: Snapshot) -> None:
@@ -49,6 +51,7 @@ def write_snapshot(path: Path, snapshot: Snapshot) -> None:
         "iteration": snapshot.iteration,
         "waiting": snapshot.waiting,
         "random": snapshot.random,
+        "pictures": snapshot.pictures,
     }
     data = io.BytesIO()
     np.savez(
@@ -79,6 +82,7 @@ def read_snapshot(path: Path) -> Snapshot:
             int(kept["iteration"]),
             tuple(map(int, kept["waiting"])),
             dict(kept["random"]),
+            tuple(map(str, kept["pictures"])),
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise SplatFileError(f"{path}: no training can go on from it ({error})") from error

@@ -150,6 +150,7 @@ class Trainer:
             self._iteration,
             tuple(self._waiting),
             dict(self._rng.bit_generator.state),
+            self._names,
         )
 
     def go_on(self, snapshot: Snapshot) -> None:
@@ -161,13 +162,18 @@ class Trainer:
         columns = NUM_COLUMNS[self._options.sh_degree]
         if snapshot.state.parameters.shape[1:] != (columns,):
             raise ValueError(f"need parameters of {columns} columns to go on from")
-        if any(not 0 <= index < len(self._frames) for index in snapshot.waiting):
+        within = all(0 <= index < len(self._frames) for index in snapshot.waiting)
+        if snapshot.pictures != self._names or not within:
             raise ValueError("need the pictures of the training that stopped")
         self._optimiser.go_on(snapshot.state, snapshot.progress)
         self._num_gaussians = len(snapshot.state.parameters)
         self._iteration = snapshot.iteration
         self._waiting = list(snapshot.waiting)
         self._rng.bit_generator.state = snapshot.random
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(frame.name for frame in self._frames)
 
     def _learning_rates(self) -> Float32[np.ndarray, "columns"]:
         """Return one for each column of the parameters."""
