@@ -265,7 +265,7 @@ class _Handlers:
             await run_in_threadpool(self.admission.to_end, session.id)
         if change.deleted is False:
             await self._changing(request, session.id, self.store.restore, session.id)
-            self.trainings.allow(session)
+            await run_in_threadpool(self.trainings.allow, session)
             await run_in_threadpool(self._make_missing, session)
         if change.name is not None:
             await self._changing(request, session.id, session.rename, change.name)
@@ -447,7 +447,7 @@ class _Handlers:
             await self._changing(request, session_id, end, session_id)
         except BaseException:
             with contextlib.suppress(PeakingError):  # it is gone all the same
-                self.trainings.allow(self.store.get(session_id))
+                await run_in_threadpool(self.trainings.allow, self.store.get(session_id))
             raise
         await run_in_threadpool(self.trainings.end, session_id)  # what was asked for meanwhile
 

@@ -126,9 +126,7 @@ class Trainings:
     def of(self, session: OpenSession) -> wire.Training:
         """Return how far the training of a session is; for a thread."""
         with self._lock:
-            record = self._record(session)
-            outdated = record.training.state != "none" and record.captures != _ids(session)
-            return msgspec.structs.replace(record.training, outdated=outdated)
+            return _told(self._record(session), session)
 
     def run(self, session: OpenSession) -> wire.Training:
         """Begin a training, or go on with one; does nothing where it is under way. For a thread.
@@ -171,11 +169,14 @@ class Trainings:
         return self.of(session)
 
     def changed(self, session: OpenSession) -> None:
-        """Tell of a training that views came or went since it began; for any thread."""
-        with self._lock:
-            record = self._records.get(session.id)
+        """Tell of a training that views came or went since it began.
+
+        For the thread of the event loop too: it waits for no lock, because a record is replaced or
+        changed in one step.
+        """
+        record = self._records.get(session.id)
         if record is not None and record.training.state != "none":
-            self._tell(session)
+            self._on_change(session, _told(record, session))
 
     def splat(self, session: OpenSession, version: int) -> Path | None:
         """Return the file of Gaussians; None where it is gone, or never was."""
@@ -373,6 +374,12 @@ class Trainings:
             return  # erased meanwhile
         with contextlib.suppress(PeakingError):  # a full disk: it is only forgotten
             write_atomically(folder / STATUS, msgspec.json.encode(status))
+
+
+def _told(record: _Record, session: OpenSession) -> wire.Training:
+    training = record.training
+    outdated = training.state != "none" and record.captures != _ids(session)
+    return msgspec.structs.replace(training, outdated=outdated)
 
 
 def _ids(session: OpenSession) -> frozenset[str]:
