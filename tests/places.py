@@ -1,14 +1,9 @@
-"""A place from the sample scene, as the viewer reads it, and a plain web server for it."""
+"""A place from the sample scene, as the viewer reads it."""
 
 from __future__ import annotations
 
-import functools
 import json
 import shutil
-import threading
-from collections.abc import Generator
-from contextlib import contextmanager
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -96,22 +91,3 @@ def add_viewer(folder: Path) -> None:
     """Put the built viewer beside a place, as index.html."""
     shutil.copytree(CLIENT.parent / "assets", folder / "assets", dirs_exist_ok=True)
     shutil.copyfile(CLIENT.parent / "view.html", folder / "index.html")
-
-
-class _Quiet(SimpleHTTPRequestHandler):
-    def log_request(self, code: object = "-", size: object = "-") -> None:
-        """Say nothing."""
-
-
-@contextmanager
-def served(folder: Path) -> Generator[str, None, None]:
-    """Serve a folder as any web server does; gives its address."""
-    handler = functools.partial(_Quiet, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}"
-        finally:
-            server.shutdown()
-            thread.join()

@@ -18,10 +18,10 @@ from e2e.test_viewer import light_field
 from e2e.virtual_phone_page import PATIENCE_MS
 from live_server import PEAKING
 from patience import PATIENCE_S
+from peaking.benchmarks.view_material import served
 from peaking.cli import main
 from peaking.export.splats import write_splats
 from peaking.splat.gaussians import Gaussians
-from places import served
 from recordings import write_recording
 from splat.scenes_of_gaussians import cloud
 

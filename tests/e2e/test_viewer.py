@@ -18,12 +18,13 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from e2e.virtual_phone_page import PATIENCE_MS
 from patience import PATIENCE_S
+from peaking.benchmarks.view_material import served
 from peaking.datasets import open_recording
 from peaking.geometry import Camera, Pinhole, Rigid
 from peaking.light_field import LightField
 from peaking.options import DEFAULT
 from peaking.server.recordings import wire_of_camera
-from places import DESK, add_viewer, served, write_place
+from places import DESK, add_viewer, write_place
 
 VIEWS = (0, 8, 12, 20, 34)
 BETWEEN = 16
